@@ -78,7 +78,8 @@ fn latency(
     joints: usize,
     d: usize,
 ) {
-    let options = PredictorOptions { precision, variance_rank, compact };
+    let options =
+        PredictorOptions::default().with_precision(precision).with_variance_rank(variance_rank).with_compact(compact);
     let mut predictors: Vec<GpPredictor> = (0..joints).map(|_| gp.predictor(options).expect("enough memory")).collect();
     let mut x = vec![0.0; d];
     let mut query = |k: usize| {

@@ -60,7 +60,7 @@ fn consistent_7_links(bencher: Bencher, distance: &str) {
     let fit = LeastSquares::new(Method::Wls).solve(&observation.factors(), &base, &base.combine(&nominal));
     let whitened = fit.expect("enough data").whitened;
     let distance = if distance == "entropic" { Distance::Entropic } else { Distance::Euclidean };
-    let consistency = Consistency { prior: Prior { distance, ..Prior::default() }, ..Consistency::default() };
+    let consistency = Consistency::default().with_prior(Prior::default().with_distance(distance));
     let torque = [20.0; 7];
     bencher.bench_local(|| {
         let found = consistency.solve(&fixture.robot, &set, &base, &whitened, &nominal, &torque);

@@ -15,12 +15,10 @@ const SAMPLES: usize = 2000;
 
 fn bench(bencher: Bencher, payload: bool, points: Option<usize>) {
     let robot = puma560();
-    let options = OnlineOptions {
-        payload: payload.then(|| PayloadOptions::new(vec![1.0; 6])),
+    let options = OnlineOptions::default()
+        .with_payload(payload.then(|| PayloadOptions::new(vec![1.0; 6])))
         // Every sample is new, so that the budget is used and the oldest point goes: the dearest update.
-        process: points.map(|points| Budget { points, novelty: 0.0, ..Budget::default() }),
-        ..OnlineOptions::default()
-    };
+        .with_process(points.map(|points| Budget::default().with_points(points).with_novelty(0.0)));
     let mut model = OnlineModel::new(&robot, Box::new(RigidBody::new(&robot)), &options).expect("valid");
     let (mut q, mut dq, mut ddq, mut tau) = ([0.0; 6], [0.0; 6], [0.0; 6], [0.0; 6]);
     let mut sample = 0;

@@ -19,7 +19,7 @@ fn bench(bencher: Bencher, drives: &[Drive], integrator: Integrator, experiment:
     let robot = puma560();
     bencher.counter(divan::counter::ItemsCount::new(STEPS)).bench_local(|| {
         let mut arm = Simulator::new(&robot, drives, integrator, 2.5e-4).expect("valid drives");
-        let mut controller = FeedForward { model: RigidBody::new(&robot), gains: Gains::uniform(6, 300.0, 10.0) };
+        let mut controller = FeedForward::new(RigidBody::new(&robot), Gains::uniform(6, 300.0, 10.0));
         black_box(simulate(&mut arm, &mut controller, &Sines, 1.0, experiment, &()).expect("stable"))
     });
 }

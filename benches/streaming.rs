@@ -15,7 +15,7 @@ fn main() {
 }
 
 fn predictor(fixture: &Fixture, findings: Vec<Term>) -> Predictor {
-    let options = StreamOptions { rate_hz: Some(1000.0), ..StreamOptions::default() };
+    let options = StreamOptions::default().with_rate_hz(Some(1000.0));
     model(fixture).with_terms(findings, Some(0)).predictor(&options).expect("streams")
 }
 

@@ -12,7 +12,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         ("found", model(&fixture).with_terms(findings(), Some(0))),
     ];
     for (name, model) in models {
-        let mut options = ExportOptions { name: Some(name.into()), ..ExportOptions::new(Language::C) };
+        let mut options = ExportOptions::new(Language::C).with_name(Some(name.into()));
         options.stream.rate_hz = Some(1000.0);
         options.stream.keep = vec![];
         model.export_to(format!("{folder}/{name}.h"), &options)?;

@@ -19,8 +19,7 @@ fn nanoseconds(drives: &[Drive], feed_forward: bool) -> f64 {
     let mut best = f64::INFINITY;
     for _ in 0..BATCHES {
         let mut arm = Simulator::new(&robot, drives, Integrator::SemiImplicitEuler, 2.5e-4).expect("valid drives");
-        let (mut pd, mut law) =
-            (Pd(gains.clone()), FeedForward { model: RigidBody::new(&robot), gains: gains.clone() });
+        let (mut pd, mut law) = (Pd(gains.clone()), FeedForward::new(RigidBody::new(&robot), gains.clone()));
         let start = Instant::now();
         let duration = STEPS as f64 * 2.5e-4;
         let controller: &mut dyn sgpr_core::simulation::Controller = if feed_forward { &mut law } else { &mut pd };
@@ -33,7 +32,7 @@ fn nanoseconds(drives: &[Drive], feed_forward: bool) -> f64 {
 fn main() {
     let dry: Vec<Drive> = puma560_drives();
     let viscous: Vec<Drive> =
-        dry.iter().map(|drive| Drive { coulomb_friction: [0.0; 2], static_friction: [0.0; 2], ..*drive }).collect();
+        dry.iter().map(|drive| drive.with_coulomb_friction([0.0; 2]).with_static_friction([0.0; 2])).collect();
     let all: Vec<Drive> = dry.iter().map(|drive| drive.with_stiction(1.3, 0.05)).collect();
     let step = 2.5e-4 * 1e9;
     for (name, drives, feed_forward) in [

@@ -156,7 +156,7 @@ unsafe fn with(predictor: *mut sgpr_predictor, call: impl FnOnce(&mut sgpr_predi
 
 /// The predictor of a model, with hidden states at rest at the first sample.
 fn made(model: &sgpr_model, stream: &StreamOptions, deviation: bool) -> Result<Box<sgpr_predictor>, Failure> {
-    let inner = model.inner.predictor_with(stream, &RestOptions { deviation, ..RestOptions::default() })?;
+    let inner = model.inner.predictor_with(stream, &RestOptions::default().with_deviation(deviation))?;
     let zeros = || vec![0.0; inner.dof()];
     Ok(Box::new(sgpr_predictor {
         last_torque: zeros(),
@@ -178,7 +178,7 @@ fn stream_options(rate_hz: f64, purpose: i32, keep: Vec<String>) -> Result<Strea
             return Err(Failure::new(Code::BadOption, &words));
         }
     };
-    Ok(StreamOptions { rate_hz: (rate_hz != 0.0).then_some(rate_hz), purpose, keep })
+    Ok(StreamOptions::default().with_rate_hz((rate_hz != 0.0).then_some(rate_hz)).with_purpose(purpose).with_keep(keep))
 }
 
 /// Makes a predictor of a model; hidden states start at rest at the first sample.

@@ -69,12 +69,8 @@ fn learned_model() -> SemiParametricModel {
     let data = Path::new(HERE).join("../../data/demo");
     let robot = Robot::from_urdf(data.join("robot.urdf"), &UrdfOptions::default()).expect("bundled");
     let log = csv::read(data.join("train_1.csv.gz"), &Default::default()).expect("bundled");
-    let options = SemiParametricOptions {
-        inputs: Some(Inputs::OwnJoint),
-        points: 60,
-        evaluations: 5,
-        ..SemiParametricOptions::default()
-    };
+    let options =
+        SemiParametricOptions::default().with_inputs(Some(Inputs::OwnJoint)).with_points(60).with_evaluations(5);
     fit_semi_parametric(&robot, std::slice::from_ref(&log), &options, &()).expect("a good log")
 }
 
@@ -124,23 +120,23 @@ struct Case {
 impl Case {
     fn new() -> Self {
         let model = model();
-        let options = StreamOptions { rate_hz: Some(RATE_HZ), ..StreamOptions::default() };
+        let options = StreamOptions::default().with_rate_hz(Some(RATE_HZ));
         Self::of(&model.to_bytes(), model.predictor(&options).expect("streams"))
     }
 
     /// The same, physics and Gaussian processes.
     fn learned() -> Self {
         let model = learned_model();
-        let options = StreamOptions { rate_hz: Some(RATE_HZ), ..StreamOptions::default() };
-        let means = PredictorOptions { variance_rank: Some(0), ..PredictorOptions::default() };
+        let options = StreamOptions::default().with_rate_hz(Some(RATE_HZ));
+        let means = PredictorOptions::default().with_variance_rank(Some(0));
         Self::of(&model.to_bytes(), model.predictor(means, &options).expect("streams"))
     }
 
     /// The same, and how sure the torques are.
     fn sure() -> Self {
         let file = learned_model().to_bytes();
-        let options = StreamOptions { rate_hz: Some(RATE_HZ), ..StreamOptions::default() };
-        let rest = RestOptions { deviation: true, ..RestOptions::default() };
+        let options = StreamOptions::default().with_rate_hz(Some(RATE_HZ));
+        let rest = RestOptions::default().with_deviation(true);
         let model = StreamedModel::from_bytes(&file, "file").expect("just written");
         let predictor = model.predictor_with(&options, &rest).expect("streams");
         Self::with(&file, predictor, expected_with_deviation)

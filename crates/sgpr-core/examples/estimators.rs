@@ -126,14 +126,7 @@ impl Arm {
         parameters.extend([0.5, 0.3, 0.4, 0.2, 0.08, 0.09]);
         let reference = reference();
         let (kp, kd) = GAINS;
-        let closed_loop = ClosedLoop {
-            reference: reference.samples(),
-            feed_forward: None,
-            kp: &kp,
-            kd: &kd,
-            rate_hz: RATE_HZ,
-            steps: 10,
-        };
+        let closed_loop = ClosedLoop::new(reference.samples(), &kp, &kd, RATE_HZ).with_steps(10);
         let set = set.with_sticking_joints();
         let motion = closed_loop.simulate(&real, &set, &parameters, &reference.q[..2], &reference.dq[..2]);
         let cad: Vec<f64> = real.standard_parameters().iter().map(|value| 1.1 * value).collect();
@@ -152,12 +145,10 @@ impl Arm {
         uncertainty: Uncertainty,
         runs: usize,
     ) -> Result<Score, Box<dyn Error>> {
-        let mut options = IdentifyOptions {
-            effects: EFFECTS.map(String::from).to_vec(),
-            method: method.clone(),
-            uncertainty,
-            ..IdentifyOptions::default()
-        };
+        let mut options = IdentifyOptions::default()
+            .with_effects(EFFECTS.map(String::from).to_vec())
+            .with_method(method.clone())
+            .with_uncertainty(uncertainty);
         options.conditioning.cutoff_hz = scenario.cutoff_hz;
         // The arm never stands, however noisy its speed looks.
         options.conditioning.standstill_speed = Some(0.0);

@@ -89,13 +89,12 @@ fn run(folder: &Path, case: &str, totals: &mut Totals) -> Result<(), Failure> {
     let info = json(&at.join("case.json"))?;
     let answer = json(&folder.join("answers").join(format!("{case}.json")))?;
     let robot = Robot::from_urdf(at.join("robot.urdf"), &UrdfOptions::default())?;
-    let columns =
-        csv::ReadOptions { joints: Some(robot.joint_names().map(String::from).collect()), ..Default::default() };
+    let columns = csv::ReadOptions::default().with_joints(Some(robot.joint_names().map(String::from).collect()));
     let read = |names: &serde_json::Value| -> Result<Vec<Recording>, Failure> {
         strings(names).iter().map(|name| Ok(csv::read(at.join(name), &columns)?)).collect()
     };
     let (train, test) = (read(&info["train"])?, read(&info["test"])?);
-    let options = IdentifyOptions { effects: strings(&info["model_effects"]), ..Default::default() };
+    let options = IdentifyOptions::default().with_effects(strings(&info["model_effects"]));
     let (model, _) = identify(&robot, &train, &options, &())?;
     let clock = Instant::now();
     let stages = Stages::default();

@@ -26,7 +26,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
 
     let effects = ["viscous_friction", "coulomb_friction", "rotor_inertia"].map(String::from).to_vec();
-    let options = IdentifyOptions { effects, ..IdentifyOptions::default() };
+    let options = IdentifyOptions::default().with_effects(effects);
     let (model, report) = identify(&robot, &train, &options, &())?;
     report.warnings.iter().for_each(|warning| println!("{warning}"));
     for parameter in model.base_parameters().iter().take(5) {

@@ -123,7 +123,7 @@ fn check_findings() {
     for (name, terms) in [("five findings", usual), ("every effect", every.collect())] {
         let model = TorqueModel::nominal(&robot).with_terms(terms, Some(0));
         for purpose in Purpose::ALL {
-            let options = StreamOptions { rate_hz: Some(1000.0), purpose, keep: vec![] };
+            let options = StreamOptions::default().with_rate_hz(Some(1000.0)).with_purpose(purpose).with_keep(vec![]);
             let mut predictor = model.predictor(&options).expect("streams");
             predictor.set_temperature(&vec![40.0; n]).expect("finite");
             let taken = bytes_taken(|| {
@@ -161,7 +161,10 @@ fn check_processes() {
     for (precision, compact) in PRECISIONS {
         let gp = process(compact);
         for variance_rank in [None, Some(0), Some(40)] {
-            let options = PredictorOptions { precision, variance_rank, compact };
+            let options = PredictorOptions::default()
+                .with_precision(precision)
+                .with_variance_rank(variance_rank)
+                .with_compact(compact);
             let mut predictor = gp.predictor(options).expect("small");
             sendable(&predictor);
             let taken = bytes_taken(|| {
@@ -184,19 +187,20 @@ fn check_semi_parametric() {
     let log = csv::read(data("demo/train_1.csv.gz"), &Default::default()).expect("bundled");
     let kinds = [(false, Mean::Physics), (true, Mean::Physics), (false, Mean::Joint), (true, Mean::Joint)];
     for ((shared, mean), sparse) in kinds.into_iter().flat_map(|kind| [(kind, Some(false)), (kind, Some(true))]) {
-        let options = SemiParametricOptions {
-            shared,
-            mean,
-            sparse,
-            inputs: Some(Inputs::Velocities),
-            points: 40,
-            evaluations: 5,
-            ..SemiParametricOptions::default()
-        };
+        let options = SemiParametricOptions::default()
+            .with_shared(shared)
+            .with_mean(mean)
+            .with_sparse(sparse)
+            .with_inputs(Some(Inputs::Velocities))
+            .with_points(40)
+            .with_evaluations(5);
         let model = fit_semi_parametric(&robot, std::slice::from_ref(&log), &options, &()).expect("a good log");
         for (precision, compact) in PRECISIONS {
             for variance_rank in [None, Some(0), Some(20)] {
-                let options = PredictorOptions { precision, variance_rank, compact };
+                let options = PredictorOptions::default()
+                    .with_precision(precision)
+                    .with_variance_rank(variance_rank)
+                    .with_compact(compact);
                 let mut predictor = model.predictor(options, &StreamOptions::default()).expect("small");
                 let taken = bytes_taken(|| {
                     for k in 0..SAMPLES {

@@ -44,13 +44,13 @@ fn an_arm_that_is_wanted_to_stand_gets_gravity_and_a_reversal_does_not_jump() {
         last = tau;
     }
     let limits = vec![0.5; 6];
-    let options = CompensationOptions { limits, ..CompensationOptions::default() };
+    let options = CompensationOptions::default().with_limits(limits);
     let mut limited = Compensation::new(&model, &options).expect("streams");
     assert!(limited.torque(&q, &[1.0; 6]).expect("finite").iter().all(|tau| tau.abs() <= 0.5));
     for wrong in [
-        CompensationOptions { friction: 1.5, ..CompensationOptions::default() },
-        CompensationOptions { transition_speed: 0.0, ..CompensationOptions::default() },
-        CompensationOptions { limits: vec![1.0; 5], ..CompensationOptions::default() },
+        CompensationOptions::default().with_friction(1.5),
+        CompensationOptions::default().with_transition_speed(0.0),
+        CompensationOptions::default().with_limits(vec![1.0; 5]),
     ] {
         assert!(Compensation::new(&model, &wrong).is_err());
     }
@@ -64,8 +64,7 @@ fn observed(robot: &Robot, outside: impl Fn(f64) -> Vec<f64>, seconds: f64) -> V
     const FINE: usize = 20;
     let n = robot.dof();
     let model = TorqueModel::nominal(robot);
-    let options =
-        ObserverOptions { rate_hz: RATE_HZ, bandwidth_hz: 5.0, deviation: vec![0.1; n], ..ObserverOptions::default() };
+    let options = ObserverOptions::default().with_rate_hz(RATE_HZ).with_bandwidth_hz(5.0).with_deviation(vec![0.1; n]);
     let mut observer = MomentumObserver::new(&model, &options).expect("options");
     let mut ws = Workspace::new(robot);
     let (mut q, mut dq) = (vec![0.3; n], vec![0.0; n]);
@@ -109,9 +108,9 @@ fn a_push_is_followed_with_a_lag_of_first_order_and_nothing_is_seen_without_one(
 fn thresholds_follow_from_the_rate_of_false_alarms() {
     let robot = two_link();
     let model = model(&robot);
-    let options = ObserverOptions { deviation: vec![0.2, 0.4], ..ObserverOptions::default() };
+    let options = ObserverOptions::default().with_deviation(vec![0.2, 0.4]);
     let at = |false_alarms_per_hour: f64| {
-        let options = ObserverOptions { false_alarms_per_hour, ..options.clone() };
+        let options = options.clone().with_false_alarms_per_hour(false_alarms_per_hour);
         MomentumObserver::new(&model, &options).expect("options").thresholds().to_vec()
     };
     let (often, seldom) = (at(100.0), at(0.01));
@@ -124,9 +123,9 @@ fn thresholds_follow_from_the_rate_of_false_alarms() {
     assert!(observer.update(&[0.0; 2], &[0.0; 2], &[0.0]).is_err());
     let error = MomentumObserver::new(&model, &ObserverOptions::default()).expect_err("not identified");
     assert_eq!(error, ObserverError::NoDeviation);
-    let fast = ObserverOptions { bandwidth_hz: 50.0, ..options.clone() };
+    let fast = options.clone().with_bandwidth_hz(50.0);
     assert!(matches!(MomentumObserver::new(&model, &fast), Err(ObserverError::TooFast { .. })));
-    let none = ObserverOptions { false_alarms_per_hour: 0.0, ..options };
+    let none = options.with_false_alarms_per_hour(0.0);
     assert!(MomentumObserver::new(&model, &none).expect_err("none").to_string().contains("false_alarms_per_hour"));
 }
 
@@ -176,12 +175,8 @@ fn alarms(observer: &mut MomentumObserver, [q, dq, tau]: &[Vec<f64>; 3]) -> [f64
 #[test]
 fn logs_without_contact_tell_the_errors_of_joints_that_move_and_that_rest() {
     let model = TorqueModel::nominal(&two_link());
-    let options = ObserverOptions {
-        rate_hz: RATE_HZ,
-        false_alarms_per_hour: 100.0,
-        deviation: vec![0.3; 2],
-        ..ObserverOptions::default()
-    };
+    let options =
+        ObserverOptions::default().with_rate_hz(RATE_HZ).with_false_alarms_per_hour(100.0).with_deviation(vec![0.3; 2]);
     let even = || MomentumObserver::new(&model, &options).expect("options");
     let logs = [swinging(1, 60_000, 0.2, 8.0), swinging(2, 60_000, 0.2, 8.0)];
     let known: Vec<MeasuredMotion<'_>> = logs.iter().map(measured).collect();
@@ -208,7 +203,7 @@ fn logs_without_contact_tell_the_errors_of_joints_that_move_and_that_rest() {
 #[test]
 fn logs_that_tell_nothing_are_refused() {
     let model = TorqueModel::nominal(&two_link());
-    let options = ObserverOptions { deviation: vec![0.3; 2], ..ObserverOptions::default() };
+    let options = ObserverOptions::default().with_deviation(vec![0.3; 2]);
     let refused = |logs: &[MeasuredMotion<'_>]| {
         let observer = MomentumObserver::new(&model, &options).expect("options");
         observer.calibrated(logs).expect_err("refused").to_string()
@@ -233,10 +228,10 @@ fn in_32_bits_compensation_and_observer_say_the_same() {
     let mut bristles = Term::new(by_name("presliding_friction").expect("of the library"), Site::Joint(1), vec![0.01]);
     bristles.coefficients = vec![3.0];
     let model = model(&robot).with_terms(vec![bristles], Some(0));
-    let options = CompensationOptions { limits: vec![30.0; 6], ..CompensationOptions::default() };
+    let options = CompensationOptions::default().with_limits(vec![30.0; 6]);
     let mut compensation = Compensation::new(&model, &options).expect("streams");
     let mut single_compensation = Compensation::single(&model, &options).expect("streams");
-    let options = ObserverOptions { deviation: vec![0.5; 6], ..ObserverOptions::default() };
+    let options = ObserverOptions::default().with_deviation(vec![0.5; 6]);
     let mut observer = MomentumObserver::new(&model, &options).expect("options");
     let mut single_observer = MomentumObserver::single(&model, &options).expect("options");
     let mut ws = Workspace::new(&robot);

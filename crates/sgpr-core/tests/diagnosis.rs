@@ -53,8 +53,7 @@ fn log_of(robot: &Robot, friction: &[f64], level: f64, terms: &[Term], (number, 
             ddq.push(sum(&|a, w| -a * w * w * (w * t + phase).sin()));
         }
     }
-    let trajectory =
-        Trajectory { samples: Samples { q: &q, dq: &dq, ddq: &ddq }, rate_hz: RATE, time: &time, channels: &[] };
+    let trajectory = Trajectory::of_samples(Samples { q: &q, dq: &dq, ddq: &ddq }).with_rate_hz(RATE).with_time(&time);
     let mut noise = Noise(12345 + number as u64);
     let tau = model.predict_trajectory(&trajectory).into_iter().map(|tau| tau + level * noise.next()).collect();
     let q = q.into_iter().map(|q| q + 1e-6 * noise.next()).collect();
@@ -76,7 +75,7 @@ fn identified_on(robot: &Robot, train: &[Recording]) -> TorqueModel {
 }
 
 fn identified_with_report(robot: &Robot, train: &[Recording]) -> (TorqueModel, IdentificationReport) {
-    let options = IdentifyOptions { effects: BASE.map(String::from).to_vec(), ..Default::default() };
+    let options = IdentifyOptions::default().with_effects(BASE.map(String::from).to_vec());
     identify(robot, train, &options, &()).unwrap()
 }
 
@@ -152,7 +151,7 @@ fn a_delay_of_less_than_a_sample_is_said_where_it_matters() {
     assert_eq!(silent.verdict, Verdict::NothingMissing, "{:?}", silent.findings);
     // A person who adds it has it.
     let (train, _) = logs(&[Term::new(by_name("torque_delay").unwrap(), Site::Arm, vec![0.02 / RATE])]);
-    let options = DiagnosisOptions { by_hand: vec!["torque_delay".into()], ..DiagnosisOptions::default() };
+    let options = DiagnosisOptions::default().with_by_hand(vec!["torque_delay".into()]);
     let added = diagnose(&identified(&train), &train, &[], &options, &()).unwrap();
     assert_eq!(added.findings.iter().map(|f| f.effect.as_str()).collect::<Vec<_>>(), ["torque_delay"]);
     assert!(added.after.terms().iter().any(|term| term.effect.name() == "torque_delay"));
@@ -207,7 +206,7 @@ fn a_change_between_two_logs_may_be_anywhere_between_them() {
 fn a_wrong_link_length_makes_no_other_joint_worse() {
     let Some((robot, train, test)) = hidden_case("dev19") else { return };
     let effects = ["viscous_friction", "coulomb_friction", "rotor_inertia"].map(String::from).to_vec();
-    let (model, _) = identify(&robot, &train, &IdentifyOptions { effects, ..Default::default() }, &()).unwrap();
+    let (model, _) = identify(&robot, &train, &IdentifyOptions::default().with_effects(effects), &()).unwrap();
     let diagnosis = diagnose(&model, &train, &test, &DiagnosisOptions::default(), &()).unwrap();
     assert_eq!(diagnosis.findings[0].effect, "link_length_error");
     let change = |joint: &str| diagnosis.joints[joint].rmse_after / diagnosis.joints[joint].rmse_before - 1.0;
@@ -270,7 +269,7 @@ fn what_logs_could_have_shown_is_found_from_that_size_on_and_not_below() {
             let term = hidden(effect, usize::from(joint == "joint_2"), &constants, &[size]);
             // Other linear parameters of the effect are zero.
             let missing = term.effect.parameters().len() - 1;
-            diagnosed(&[Term { coefficients: [vec![size], vec![0.0; missing]].concat(), ..term }])
+            diagnosed(&[term.with_coefficients([vec![size], vec![0.0; missing]].concat())])
         };
         let found = with(2.0 * apart);
         let first = found.findings.first().map(|f| (f.effect.as_str(), f.joints[0].as_str()));
@@ -430,7 +429,7 @@ fn forms_of_one_law_that_logs_cannot_tell_apart_share_one_probability() {
     // Coulomb friction, and forms of it with more freedom: that change with time or position.
     let Some((robot, train, test)) = hidden_case("dev02") else { return };
     let effects = ["viscous_friction", "rotor_inertia"].map(String::from).to_vec();
-    let (model, _) = identify(&robot, &train, &IdentifyOptions { effects, ..Default::default() }, &()).unwrap();
+    let (model, _) = identify(&robot, &train, &IdentifyOptions::default().with_effects(effects), &()).unwrap();
     let diagnosis = diagnose(&model, &train, &test, &DiagnosisOptions::default(), &()).unwrap();
     let [finding] = &diagnosis.findings[..] else { panic!("{:?}", diagnosis.findings) };
     assert_eq!((finding.effect.as_str(), finding.joints[0].as_str()), ("coulomb_friction", "joint_1"));
@@ -559,7 +558,7 @@ fn a_level_slide_with_a_placeholder_mass_has_its_offset_and_its_friction() {
     let train: Vec<Recording> = (0..2).map(|k| log_of(&slide(95.0), &[200.0, 20.0], 1.0, &terms, (k, 20.0))).collect();
     let model = |effects: &[&str]| {
         let effects = effects.iter().map(ToString::to_string).collect();
-        identify(&slide(1.0), &train, &IdentifyOptions { effects, ..Default::default() }, &()).unwrap().0
+        identify(&slide(1.0), &train, &IdentifyOptions::default().with_effects(effects), &()).unwrap().0
     };
     for rotor in [None, Some("rotor_inertia")] {
         let effects: Vec<&str> =
@@ -577,7 +576,7 @@ fn what_a_person_adds_is_fitted_and_judged_and_stays() {
     let (train, test) = logs(&[hidden("cable_stiffness", 1, &[], &[1.5, 0.2])]);
     let model = identified(&train);
     let by_hand = |text: &str| {
-        let options = DiagnosisOptions { by_hand: vec![text.into()], ..DiagnosisOptions::default() };
+        let options = DiagnosisOptions::default().with_by_hand(vec![text.into()]);
         diagnose(&model, &train, &test, &options, &())
     };
     let right = by_hand("cable_stiffness@joint_2").unwrap();

@@ -64,7 +64,7 @@ fn log(friction: [f64; 4], terms: &[Term], motion: &Motion, start: f64, seed: u6
     let model = TorqueModel::with_parameters(&robot, &BASE, parameters).unwrap().with_terms(terms.to_vec(), Some(0));
     let [q, dq, ddq] = motion;
     let time: Vec<f64> = (0..q.len() / 2).map(|k| start + k as f64 / RATE).collect();
-    let trajectory = Trajectory { samples: Samples { q, dq, ddq }, rate_hz: RATE, time: &time, channels: &[] };
+    let trajectory = Trajectory::of_samples(Samples { q, dq, ddq }).with_rate_hz(RATE).with_time(&time);
     let mut noise = Noise(12345 + seed);
     let tau = model.predict_trajectory(&trajectory).into_iter().map(|tau| tau + NOISE * noise.next()).collect();
     let q = q.iter().map(|q| q + 1e-6 * noise.next()).collect();
@@ -79,7 +79,7 @@ fn logs(terms: &[Term]) -> Vec<Recording> {
 
 fn identified(train: &[Recording], effects: &[&str]) -> TorqueModel {
     let effects = effects.iter().map(|effect| (*effect).to_string()).collect();
-    identify(&two_link(), train, &IdentifyOptions { effects, ..Default::default() }, &()).unwrap().0
+    identify(&two_link(), train, &IdentifyOptions::default().with_effects(effects), &()).unwrap().0
 }
 
 fn diagnosed(train: &[Recording], effects: &[&str], look_for: &[&str]) -> Diagnosis {

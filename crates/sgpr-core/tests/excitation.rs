@@ -75,13 +75,11 @@ impl Case {
     }
 
     fn options(&self, criterion: Criterion) -> ExciteOptions {
-        ExciteOptions {
-            criterion,
-            starts: 2,
-            evaluations: 900,
-            threads: 2,
-            ..ExciteOptions::new(self.published.basis().clone(), self.limits.clone())
-        }
+        ExciteOptions::new(self.published.basis().clone(), self.limits.clone())
+            .with_criterion(criterion)
+            .with_starts(2)
+            .with_evaluations(900)
+            .with_threads(2)
     }
 
     fn report(&self, motion: &Trajectory) -> ExcitationReport {
@@ -136,7 +134,7 @@ fn published_amplitudes_are_beaten_under_the_same_limits() {
         for &criterion in criteria {
             let clock = Instant::now();
             let starts = if case.robot.dof() == 2 { 2 } else { 1 };
-            let found = case.optimise(&ExciteOptions { starts, ..case.options(criterion) });
+            let found = case.optimise(&case.options(criterion).with_starts(starts));
             assert_within_limits(&case, &found);
             let (before, after) = (value(criterion, &published), value(criterion, &case.report(&found.trajectory)));
             println!(
@@ -176,7 +174,7 @@ fn the_report_is_that_of_the_regressor() {
 #[test]
 fn torque_limits_are_kept_and_cost_excitation() {
     let case = Case::puma(&FRICTION);
-    let mut options = ExciteOptions { starts: 1, evaluations: 150, ..case.options(Criterion::DOptimality) };
+    let mut options = case.options(Criterion::DOptimality).with_starts(1).with_evaluations(150);
     let mut parameters = case.robot.standard_parameters();
     parameters.extend([1.0; 12]);
     options.parameters = Some(parameters.clone());
@@ -207,7 +205,7 @@ fn the_arm_stays_clear_of_its_surroundings() {
     cell.clearance = 0.02;
     let tip = case.robot.frames().last().expect("a tool frame").clone();
     cell.tip_speed = Some((tip.clone(), 1.2));
-    let mut options = ExciteOptions { starts: 1, evaluations: 150, ..case.options(Criterion::Condition) };
+    let mut options = case.options(Criterion::Condition).with_starts(1).with_evaluations(150);
     let free = case.optimise(&options).trajectory;
     options.surroundings = Some(cell);
     let found = case.optimise(&options);
@@ -237,7 +235,7 @@ fn the_arm_stays_clear_of_its_surroundings() {
 fn a_limit_that_forbids_to_move_is_named() {
     let case = Case::two_link(&FRICTION);
     let refused = |change: fn(&mut ExciteOptions, &Case)| {
-        let mut options = ExciteOptions { starts: 1, evaluations: 20, ..case.options(Criterion::Condition) };
+        let mut options = case.options(Criterion::Condition).with_starts(1).with_evaluations(20);
         change(&mut options, &case);
         let (set, base) = (&case.set, &case.base);
         optimise(&case.robot, set, base, &options, &()).expect_err("nothing can move").to_string()
@@ -261,7 +259,7 @@ fn every_basis_and_criterion_gives_a_motion() {
         Basis::Fourier { fundamental_hz: 0.1, harmonics: 3..=6 },
     ] {
         for criterion in Criterion::ALL {
-            let options = ExciteOptions { basis: basis.clone(), starts: 1, evaluations: 60, ..case.options(criterion) };
+            let options = case.options(criterion).with_basis(basis.clone()).with_starts(1).with_evaluations(60);
             let found = case.optimise(&options);
             assert!(found.value.is_finite() && found.report.rank == 8, "{basis:?} {criterion:?}");
             assert_within_limits(&case, &found);
@@ -282,9 +280,9 @@ fn motions_for_nonlinear_effects_are_better_for_them_than_motions_without() {
             let samples = motion.samples(100.0, 10.0);
             evaluate(&case.robot, &case.set, &case.base, Some(&nominal), &samples, None).expect("samples")
         };
-        let options = ExciteOptions { starts: 1, evaluations: 100, ..case.options(Criterion::DOptimality) };
+        let options = case.options(Criterion::DOptimality).with_starts(1).with_evaluations(100);
         let plain = case.optimise(&options);
-        let found = case.optimise(&ExciteOptions { evaluations: 200, nominal: Some(nominal.clone()), ..options });
+        let found = case.optimise(&options.with_evaluations(200).with_nominal(Some(nominal.clone())));
         assert_within_limits(&case, &found);
         let (before, after) = (judge(&plain.trajectory), judge(&found.trajectory));
         println!("{name}: {} {:.2} {:.2}", nominal.len(), before.log_determinant, after.log_determinant);
@@ -333,8 +331,7 @@ fn constants_that_change_no_torque_are_hidden() {
 #[test]
 fn parameters_that_a_motion_confuses_are_named() {
     let case = Case::two_link(&["viscous_friction"]);
-    let mut samples =
-        case.optimise(&ExciteOptions { starts: 1, evaluations: 40, ..case.options(Criterion::Condition) });
+    let mut samples = case.optimise(&case.options(Criterion::Condition).with_starts(1).with_evaluations(40));
     let mut still = samples.trajectory.samples(100.0, 10.0);
     assert!(samples.report.not_told_apart.is_empty());
     for values in [&mut still.q, &mut still.dq, &mut still.ddq] {
@@ -351,7 +348,12 @@ fn parameters_that_a_motion_confuses_are_named() {
 fn the_result_depends_on_the_seed_and_on_nothing_else() {
     let case = Case::two_link(&FRICTION);
     let run = |threads: usize, seed: u64| {
-        let options = ExciteOptions { starts: 3, evaluations: 60, threads, seed, ..case.options(Criterion::Condition) };
+        let options = case
+            .options(Criterion::Condition)
+            .with_starts(3)
+            .with_evaluations(60)
+            .with_threads(threads)
+            .with_seed(seed);
         case.optimise(&options).trajectory
     };
     assert_eq!(run(1, 3), run(3, 3));
@@ -367,7 +369,7 @@ fn an_interrupted_search_gives_its_best_so_far() {
         }
     }
     let case = Case::puma(&FRICTION);
-    let options = ExciteOptions { starts: 100, evaluations: 1000, ..case.options(Criterion::Condition) };
+    let options = case.options(Criterion::Condition).with_starts(100).with_evaluations(1000);
     let found = optimise(&case.robot, &case.set, &case.base, &options, &Stop).expect("a motion");
     assert_eq!(found.status, Status::Interrupted);
     assert!(found.value.is_finite() && found.utilisation <= 1.0);

@@ -46,8 +46,8 @@ fn motion(n: usize) -> Vec<f64> {
 }
 
 fn options((language, precision): (Language, Precision), name: &str, purpose: Purpose) -> ExportOptions {
-    let stream = StreamOptions { rate_hz: Some(RATE_HZ), purpose, ..StreamOptions::default() };
-    ExportOptions { language, precision, name: Some(name.into()), stream }
+    let stream = StreamOptions::default().with_rate_hz(Some(RATE_HZ)).with_purpose(purpose);
+    ExportOptions::new(language).with_precision(precision).with_name(Some(name.into())).with_stream(stream)
 }
 
 /// Models with every effect of the library, each alone, a joint of the wrist for those that have one; and with many.
@@ -89,7 +89,7 @@ fn models() -> Vec<(String, TorqueModel, Purpose)> {
 /// What the predictor says along the motion, `[samples, n]`; the second half begins in a motion.
 fn expected(model: &TorqueModel, purpose: Purpose, motion: &[f64]) -> Vec<f64> {
     let n = model.robot().dof();
-    let options = StreamOptions { rate_hz: Some(RATE_HZ), purpose, ..StreamOptions::default() };
+    let options = StreamOptions::default().with_rate_hz(Some(RATE_HZ)).with_purpose(purpose);
     let mut predictor = model.predictor(&options).expect("streams");
     predictor.set_temperature(&vec![CELSIUS; n]).expect("finite");
     predictor.set_time(0.5).expect("finite");

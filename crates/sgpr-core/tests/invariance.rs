@@ -32,7 +32,7 @@ fn train() -> Vec<Recording> {
 
 fn options(method: Method) -> IdentifyOptions {
     let effects = ["viscous_friction", "coulomb_friction", "rotor_inertia"].map(String::from).to_vec();
-    IdentifyOptions { effects, method, ..IdentifyOptions::default() }
+    IdentifyOptions::default().with_effects(effects).with_method(method)
 }
 
 fn fitted(robot: &Robot, logs: &[Recording], method: Method) -> TorqueModel {
@@ -134,13 +134,12 @@ fn through_units(log: &Recording) -> Recording {
         text.push('\n');
     }
     std::fs::write(&path, text).expect("writable");
-    let units = Units {
-        time: Some(TimeUnit::Millisecond),
-        position: Some(PositionUnit::Degree),
-        velocity: Some(VelocityUnit::Rpm),
-        torque: Some(TorqueUnit::MillinewtonMetre),
-    };
-    csv::read(&path, &ReadOptions { units, ..ReadOptions::default() }).expect("readable")
+    let units = Units::default()
+        .with_time(Some(TimeUnit::Millisecond))
+        .with_position(Some(PositionUnit::Degree))
+        .with_velocity(Some(VelocityUnit::Rpm))
+        .with_torque(Some(TorqueUnit::MillinewtonMetre));
+    csv::read(&path, &ReadOptions::default().with_units(units)).expect("readable")
 }
 
 proptest! {

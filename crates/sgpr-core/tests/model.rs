@@ -12,7 +12,7 @@ use sgpr_core::model::{
     IdentificationReport, IdentifyError, IdentifyOptions, Predictor, Start, StreamedMotion, TorqueModel, compare,
     compare_streaming, cutoff_influence, identify, screen,
 };
-use sgpr_core::motion::{MotionError, Processing, TorqueBand, average_periods};
+use sgpr_core::motion::{MotionError, TorqueBand, average_periods};
 use sgpr_core::recording::{LogSet, Recording, csv};
 use sgpr_core::robot::{Robot, UrdfOptions, two_link};
 use sgpr_core::signal::LowPass;
@@ -32,7 +32,7 @@ fn train() -> Vec<Recording> {
 
 fn options() -> IdentifyOptions {
     let effects = ["viscous_friction", "coulomb_friction", "rotor_inertia"].map(String::from).to_vec();
-    IdentifyOptions { effects, ..IdentifyOptions::default() }
+    IdentifyOptions::default().with_effects(effects)
 }
 
 #[test]
@@ -222,7 +222,7 @@ fn the_error_of_an_internal_model_is_identified_from_its_feedback_torque() {
         vec![],
     )
     .expect("arrays of one length");
-    let mut options = IdentifyOptions { effects: vec![], start: Start::Zero, ..IdentifyOptions::default() };
+    let mut options = IdentifyOptions::default().with_effects(vec![]).with_start(Start::Zero);
     options.conditioning.cutoff_hz = Some(15.0);
     let (error, _) = identify(&robot, &[log], &options, &()).expect("a good log");
     assert_eq!(error.base().names(), ["joint_1.Izz", "joint_2.mx", "joint_2.my", "joint_2.Izz"]);
@@ -461,7 +461,8 @@ fn a_set_of_logs_is_conditioned_once_and_says_what_its_list_says() {
     }
     // Processed otherwise, it is another motion.
     let hz = 0.5 * model.processing().expect("identified").cutoff_hz;
-    let slower = Processing { cutoff_hz: hz, ..model.processing().expect("identified").clone() };
+    let mut slower = model.processing().expect("identified").clone();
+    slower.cutoff_hz = hz;
     let other = compare(&model, &set, Some(&slower)).expect("good logs");
     assert!(!Arc::ptr_eq(&other.logs[0].motion, &own.logs[0].motion));
     assert_eq!(other, compare(&model, &list, Some(&slower)).expect("good logs"));
@@ -504,7 +505,7 @@ fn a_joint_that_never_moves_is_named() {
     // It stays at the robot file's, which is none, but for rounding of what the prior solves for.
     assert!(deviation.is_finite() && value.abs() < 1e-9 * deviation, "the prior holds it: {value} ± {deviation}");
     assert!(report.warnings.iter().any(|w| w.contains("`joint_6` must move")), "{:?}", report.warnings);
-    let bare = IdentifyOptions { prior: None, ..options() };
+    let bare = options().with_prior(None);
     let (model, report) = identify(&robot, &still, &bare, &()).expect("the others move");
     let fit = model.fit().expect("identified");
     assert!(report.warnings.iter().any(|w| w.contains("does not excite") && w.contains("joint_6.Fv")));

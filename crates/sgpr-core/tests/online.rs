@@ -25,7 +25,7 @@ impl Uniform {
 fn points_that_come_and_go_leave_the_exact_process() {
     for shape in [Shape::SquaredExponential, Shape::Matern32] {
         let kernel = Kernel::ard(shape, &[0.7, 1.1]).scaled(2.5);
-        let budget = Budget { points: 40, novelty: 0.05, refresh: 0, memory: 300 };
+        let budget = Budget::default().with_points(40).with_novelty(0.05).with_refresh(0).with_memory(300);
         let mut online = OnlineGaussianProcess::new(kernel.clone(), 2, 2, 1e-3, budget).expect("valid");
         let mut random = Uniform(3);
         for step in 0..1000 {
@@ -55,7 +55,7 @@ fn points_that_come_and_go_leave_the_exact_process() {
 #[test]
 fn a_function_that_changes_is_followed() {
     let kernel = Kernel::isotropic(Shape::SquaredExponential, 1, 0.5);
-    let budget = Budget { novelty: 1e-3, ..Budget::default() };
+    let budget = Budget::default().with_novelty(1e-3);
     let mut gp = OnlineGaussianProcess::new(kernel, 1, 1, 1e-3, budget).expect("valid");
     for offset in [0.0, 5.0] {
         for k in 0..400 {
@@ -81,8 +81,8 @@ const HELD: [f64; 10] = [2.0, 0.04, -0.06, 0.3, 0.06, 0.001, 0.055, -0.006, 0.00
 fn a_payload_is_recovered() {
     let robot = puma560();
     for held in [HELD, [0.0; 10]] {
-        let loaded = PickUp { time: 1.0, link: 5, parameters: held }.loaded(&robot);
-        let options = PayloadOptions { memory: 2.0, ..PayloadOptions::new(vec![1e-4; 6]) };
+        let loaded = PickUp::new(1.0, 5, held).loaded(&robot);
+        let options = PayloadOptions::new(vec![1e-4; 6]).with_memory(2.0);
         let mut tracker = PayloadTracker::new(&robot, &options).expect("valid");
         let (mut ws, mut other) = (Workspace::new(&robot), Workspace::new(&loaded));
         for k in 0..4000 {
@@ -142,11 +142,9 @@ fn known(robot: &Robot) -> Box<dyn InverseDynamics> {
 
 fn options(payload: bool, process: bool) -> OnlineOptions {
     let noise = vec![1.0, 1.0, 0.5, 0.1, 0.1, 0.1];
-    OnlineOptions {
-        payload: payload.then(|| PayloadOptions::new(noise)),
-        process: process.then(Budget::default),
-        ..OnlineOptions::default()
-    }
+    OnlineOptions::default()
+        .with_payload(payload.then(|| PayloadOptions::new(noise)))
+        .with_process(process.then(Budget::default))
 }
 
 const PICK_UP: f64 = 3.0;
@@ -157,9 +155,9 @@ fn errors(payload: bool, process: bool) -> (Vec<f64>, AdaptiveFeedForward) {
     let mut arm = Simulator::new(&robot, &drives(), Integrator::default(), 2.5e-4).expect("valid");
     let model = OnlineModel::new(&robot, known(&robot), &options(payload, process)).expect("valid");
     let mut controller = AdaptiveFeedForward::new(model, Gains::uniform(6, 75.0, 5.0));
-    let sensors = Sensors { position_resolution: vec![1e-5; 6], ..Sensors::default() };
-    let experiment = Experiment { sensors, ..Experiment::default() };
-    let pick_up = PickUp { time: PICK_UP, link: 5, parameters: HELD };
+    let sensors = Sensors::default().with_position_resolution(vec![1e-5; 6]);
+    let experiment = Experiment::default().with_sensors(sensors);
+    let pick_up = PickUp::new(PICK_UP, 5, HELD);
     let record = simulate_pick_up(&mut arm, &mut controller, &Waves, 8.0, &experiment, &pick_up, &()).expect("stable");
     assert_eq!(record.len(), 8000);
     let pairs = record.q_wanted.chunks_exact(6).zip(record.q.chunks_exact(6));
@@ -202,14 +200,14 @@ fn wrong_use_is_told() {
     let robot = puma560();
     let payload = |options: PayloadOptions| PayloadTracker::new(&robot, &options).expect_err("wrong").to_string();
     assert!(payload(PayloadOptions::new(vec![1.0; 5])).contains("noise: got 5 values, expected 6"));
-    let link = PayloadOptions { link: Some(6), ..PayloadOptions::new(vec![1.0; 6]) };
+    let link = PayloadOptions::new(vec![1.0; 6]).with_link(Some(6));
     assert!(payload(link).contains("links 0 to 5"));
-    let memory = PayloadOptions { memory: 0.0, ..PayloadOptions::new(vec![1.0; 6]) };
+    let memory = PayloadOptions::new(vec![1.0; 6]).with_memory(0.0);
     assert!(payload(memory).contains("memory is 0"));
     let mut model = OnlineModel::new(&robot, known(&robot), &options(true, true)).expect("valid");
     let wrong = model.update(&[0.0, f64::NAN, 0.0, 0.0, 0.0, 0.0], &[0.0; 6]).expect_err("no number").to_string();
     assert!(wrong.contains("q: value 1 is NaN"), "{wrong}");
-    let budget = Budget { points: 0, ..Budget::default() };
+    let budget = Budget::default().with_points(0);
     assert!(OnlineGaussianProcess::new(process_kernel(2), 6, 2, 0.01, budget).is_err());
     assert!(OnlineGaussianProcess::new(process_kernel(2), 3, 2, 0.01, Budget::default()).is_err());
 }
@@ -220,7 +218,7 @@ fn a_pick_up_outside_of_the_experiment_is_refused() {
     let mut arm = Simulator::new(&robot, &drives(), Integrator::default(), 2.5e-4).expect("valid");
     let mut controller = Pd(Gains::uniform(6, 75.0, 5.0));
     for time in [0.0, 2.0, 0.50005] {
-        let pick_up = PickUp { time, link: 5, parameters: HELD };
+        let pick_up = PickUp::new(time, 5, HELD);
         let run = simulate_pick_up(&mut arm, &mut controller, &Waves, 1.0, &Experiment::default(), &pick_up, &());
         assert!(run.expect_err("refused").to_string().contains("time of the pick-up"));
     }

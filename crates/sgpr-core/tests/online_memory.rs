@@ -13,12 +13,10 @@ static MEMORY: Cap<System> = Cap::new(System, usize::MAX);
 
 fn main() {
     let robot = puma560();
-    let options = OnlineOptions {
-        payload: Some(PayloadOptions::new(vec![1.0; 6])),
+    let options = OnlineOptions::default()
+        .with_payload(Some(PayloadOptions::new(vec![1.0; 6])))
         // Every sample is new: the budget is used up, and the oldest point goes each time.
-        process: Some(Budget { novelty: 0.0, ..Budget::default() }),
-        ..OnlineOptions::default()
-    };
+        .with_process(Some(Budget::default().with_novelty(0.0)));
     let mut model = OnlineModel::new(&robot, Box::new(RigidBody::new(&robot)), &options).expect("valid");
     let (mut q, mut tau, zero) = ([0.0; 6], [0.0; 6], [0.0; 6]);
     let before = MEMORY.total_allocated();

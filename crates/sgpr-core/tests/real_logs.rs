@@ -28,7 +28,7 @@ use real_robot::{Case, folder, outside};
 impl Case {
     fn identify(&self, effects: &[&str], conditioning: Conditioning) -> TorqueModel {
         let effects = effects.iter().map(|effect| (*effect).into()).collect();
-        let options = IdentifyOptions { effects, conditioning, ..IdentifyOptions::default() };
+        let options = IdentifyOptions::default().with_effects(effects).with_conditioning(conditioning);
         let (model, _) = identify(&self.robot, &self.train, &options, &()).expect("good logs");
         model
     }
@@ -41,7 +41,7 @@ impl Case {
 const ALL: [&str; 4] = ["viscous_friction", "coulomb_friction", "rotor_inertia", "torque_offset"];
 
 fn at(cutoff_hz: f64) -> Conditioning {
-    Conditioning { cutoff_hz: Some(cutoff_hz), ..Conditioning::default() }
+    Conditioning::default().with_cutoff_hz(Some(cutoff_hz))
 }
 
 #[track_caller]
@@ -56,11 +56,8 @@ fn baxter() {
     let case = Case::read(&folder, &Repair::default());
     assert_eq!((case.train.len(), case.test.len()), (5, 2));
     // README: 14.5 %, ordinary least squares, Butterworth of 5 Hz, rests taken for motion; nothing is held.
-    let like_readme = IdentifyOptions {
-        conditioning: Conditioning { standstill_speed: Some(0.0), ..at(5.0) },
-        prior: None,
-        ..IdentifyOptions::default()
-    };
+    let like_readme =
+        IdentifyOptions::default().with_conditioning(at(5.0).with_standstill_speed(Some(0.0))).with_prior(None);
     let (model, _) = identify(&case.robot, &case.train, &like_readme, &()).expect("good logs");
     assert_at_most("like the README", case.compare(&model).relative_error_percent, 14.55);
     // By itself.
@@ -120,7 +117,7 @@ fn five_seconds_are_better_than_the_robot_file() {
         let Some(folder) = folder(name) else { return };
         // Time steps of the UR10e are uneven.
         let resample = (name == "ur10e").then_some(Resample::Hz(100.0));
-        let case = Case::read(&folder, &Repair { resample, ..Repair::default() });
+        let case = Case::read(&folder, &Repair::default().with_resample(resample));
         let whole = case.identify(&ALL, Conditioning::default());
         let error = |model: &TorqueModel| {
             compare(model, &case.test, whole.processing()).expect("good logs").relative_error_percent
@@ -129,11 +126,11 @@ fn five_seconds_are_better_than_the_robot_file() {
         for log in &case.train {
             let last = log.time()[0] + 5_000_000_000;
             let short = log.slice(0..log.time().partition_point(|time| *time <= last));
-            let options = IdentifyOptions { effects: ALL.map(String::from).to_vec(), ..IdentifyOptions::default() };
+            let options = IdentifyOptions::default().with_effects(ALL.map(String::from).to_vec());
             let (model, _) = identify(&case.robot, std::slice::from_ref(&short), &options, &()).expect("a short log");
             assert_at_most(name, error(&model), limit.min(file));
             // Bodies are held as every estimate is; on their own they reached 50 % (UR10e).
-            let consistent = IdentifyOptions { consistency: Some(Consistency::default()), ..options };
+            let consistent = options.with_consistency(Some(Consistency::default()));
             let (model, _) = identify(&case.robot, &[short], &consistent, &()).expect("a short log");
             assert_at_most(name, error(&model), limit.min(file));
         }
@@ -147,13 +144,13 @@ fn what_is_learned_from_short_logs_does_no_harm() {
     for (name, least_within_95) in [("ur10e", 90.0), ("kuka_lwr", 80.0), ("baxter", 80.0)] {
         let Some(folder) = folder(name) else { return };
         let resample = (name == "ur10e").then_some(Resample::Hz(100.0));
-        let case = Case::read(&folder, &Repair { resample, ..Repair::default() });
+        let case = Case::read(&folder, &Repair::default().with_resample(resample));
         let mut within = vec![];
         for log in &case.train {
             let last = log.time()[0] + 10_000_000_000;
             let short = log.slice(0..log.time().partition_point(|time| *time <= last));
-            let identify = IdentifyOptions { effects: ALL.map(String::from).to_vec(), ..IdentifyOptions::default() };
-            let options = SemiParametricOptions { identify, ..SemiParametricOptions::default() };
+            let identify = IdentifyOptions::default().with_effects(ALL.map(String::from).to_vec());
+            let options = SemiParametricOptions::default().with_identify(identify);
             let model = fit_semi_parametric(&case.robot, &[short], &options, &()).expect("a short log");
             let physics = case.compare(model.physics()).relative_error_percent;
             let learned = model.compare(&case.test).expect("good logs").relative_error_percent;
@@ -175,7 +172,7 @@ fn short_logs_know_how_much_more_is_needed() {
     for name in ["ur10e", "kuka_lwr", "baxter"] {
         let Some(folder) = folder(name) else { return };
         let resample = (name == "ur10e").then_some(Resample::Hz(100.0));
-        let case = Case::read(&folder, &Repair { resample, ..Repair::default() });
+        let case = Case::read(&folder, &Repair::default().with_resample(resample));
         let whole = case.identify(&ALL, Conditioning::default());
         let predicted = |model: &TorqueModel| -> Vec<f64> {
             let logs = compare(model, &case.test, whole.processing()).expect("good logs").logs;
@@ -190,7 +187,7 @@ fn short_logs_know_how_much_more_is_needed() {
             let last = log.time()[0] + (length * 1e9) as i64;
             let short = log.slice(0..log.time().partition_point(|time| *time <= last));
             let effects = ALL.map(String::from).to_vec();
-            let options = IdentifyOptions { effects, forecast: true, ..IdentifyOptions::default() };
+            let options = IdentifyOptions::default().with_effects(effects).with_forecast(true);
             let (model, report) = identify(&case.robot, &[short], &options, &()).expect("a short log");
             let found = predicted(&model);
             let actual = |joint: usize| {
@@ -222,12 +219,10 @@ fn rich_logs_lose_nothing_by_the_prior() {
         let Some(folder) = folder(name) else { return };
         let case = Case::read(&folder, &Repair::default());
         for conditioning in [Conditioning::default(), at(5.0)] {
-            let bare = IdentifyOptions {
-                effects: ALL.map(String::from).to_vec(),
-                conditioning: conditioning.clone(),
-                prior: None,
-                ..IdentifyOptions::default()
-            };
+            let bare = IdentifyOptions::default()
+                .with_effects(ALL.map(String::from).to_vec())
+                .with_conditioning(conditioning.clone())
+                .with_prior(None);
             let (bare, _) = identify(&case.robot, &case.train, &bare, &()).expect("good logs");
             let limit = 1.005 * case.compare(&bare).relative_error_percent;
             let found = case.compare(&case.identify(&ALL, conditioning)).relative_error_percent;
@@ -249,7 +244,7 @@ fn kuka_lwr() {
 
 /// What the Panda's log needs, which has repeated samples and gaps.
 fn panda_repair() -> Repair {
-    Repair { drop_repeated: true, split_gaps: Some(0.1), resample: Some(Resample::Hz(1000.0)), ..Repair::default() }
+    Repair::default().with_drop_repeated(true).with_split_gaps(Some(0.1)).with_resample(Some(Resample::Hz(1000.0)))
 }
 
 #[test]
@@ -304,7 +299,7 @@ fn a_ripple_added_to_a_short_log_is_named() {
 fn ur10e() {
     let Some(folder) = folder("ur10e") else { return };
     // Time steps between 2 and 34 ms.
-    let case = Case::read(&folder, &Repair { resample: Some(Resample::Hz(100.0)), ..Repair::default() });
+    let case = Case::read(&folder, &Repair::default().with_resample(Some(Resample::Hz(100.0))));
     assert_eq!((case.train.len(), case.test.len()), (4, 2));
     // README: unloaded logs 4.0 to 5.5 %.
     for (what, conditioning) in [("by itself", Conditioning::default()), ("5 Hz", at(5.0))] {
@@ -323,7 +318,7 @@ fn emps() {
     let case = Case::read(&folder, &Repair::default());
     // Published with the position in a band of 100 Hz, all of the force, every tenth sample: 4.083 % on the training
     // log, 5.982 % on the other; with asymmetric viscous friction 3.112 % on the training log.
-    let conditioning = Conditioning { torque_band: TorqueBand::Hz(40.0), ..at(100.0) };
+    let conditioning = at(100.0).with_torque_band(TorqueBand::Hz(40.0));
     const SYMMETRIC: [&str; 3] = ["viscous_friction", "coulomb_friction", "torque_offset"];
     let symmetric = case.identify(&SYMMETRIC, conditioning.clone());
     let own = compare(&symmetric, &case.train, None).expect("a good log");
@@ -349,13 +344,11 @@ fn log(folder: &Path, robot: &Robot, name: &str, constants: Option<Vec<f64>>, re
     let description: serde_json::Value = serde_json::from_str(&text).expect("valid JSON");
     let rows = description["files"][name]["rows_1based"].clone();
     let rows: Option<[usize; 2]> = serde_json::from_value(rows).expect("rows");
-    let options = ReadOptions {
-        joints: Some(robot.joint_names().map(String::from).collect()),
-        accept: vec![IssueKind::JointsByOrder],
-        rows: rows.map(|[first, last]| Rows::Numbers(first..=last)),
-        torque_constants: constants,
-        ..ReadOptions::default()
-    };
+    let options = ReadOptions::default()
+        .with_joints(Some(robot.joint_names().map(String::from).collect()))
+        .with_accept(vec![IssueKind::JointsByOrder])
+        .with_rows(rows.map(|[first, last]| Rows::Numbers(first..=last)))
+        .with_torque_constants(constants);
     repair(&csv::read(folder.join(name), &options).expect("a readable log"), request).expect("time increases").0
 }
 
@@ -371,14 +364,14 @@ const CONTROLLER_GAINS: [f64; 6] = [11.71, 12.00, 9.80, 10.75, 10.22, 10.94];
 fn payload_and_gains_of_the_ur10e() {
     let Some(folder) = folder("ur10e") else { return };
     let robot = Robot::from_urdf(folder.join("ur10e.urdf"), &UrdfOptions::default()).expect("a valid robot");
-    let request = Repair { resample: Some(Resample::Hz(100.0)), ..Repair::default() };
+    let request = Repair::default().with_resample(Some(Resample::Hz(100.0)));
     let read = |name: &str, constants: [f64; 6]| log(&folder, &robot, name, Some(constants.to_vec()), &request);
-    let options = IdentifyOptions { effects: ALL.map(String::from).to_vec(), ..IdentifyOptions::default() };
+    let options = IdentifyOptions::default().with_effects(ALL.map(String::from).to_vec());
     let pair =
         |constants: [f64; 6]| (read("pair14_unloaded.csv", constants), read("pair14_load_2p805kg.csv", constants));
 
     let (unloaded, loaded) = pair(CONTROLLER_GAINS);
-    let wish = PayloadOptions { link: 5, friction_may_change: false, consistent: true };
+    let wish = PayloadOptions::new(5);
     let payload = identify_payload(&robot, &unloaded, &loaded, &options, &wish, &()).expect("good logs");
     let deviation = payload.standard_deviations()[0];
     println!("payload {:.3} ± {deviation:.3} kg at {:.3?}", payload.mass(), payload.centre());
@@ -387,20 +380,16 @@ fn payload_and_gains_of_the_ur10e() {
     let (mut unloaded, loaded) = pair([1.0; 6]);
     let mut known = [None; 10];
     known[0] = Some(2.805);
-    let mut gains = GainOptions {
-        link: 5,
-        known,
-        estimator: GainEstimator::LeastSquares,
-        lowest: vec![10.0, 0.0, 0.0, 0.0, 0.0, 0.0],
-        consistency: None,
-    };
+    let mut gains = GainOptions::new(5, known)
+        .with_estimator(GainEstimator::LeastSquares)
+        .with_lowest(vec![10.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
     let found = identify_drive_gains(&robot, &unloaded, &loaded, &options, &gains, &()).expect("good logs");
     println!("gains by least squares {:.3?}", found.gains);
     for (joint, (gain, published)) in found.gains.iter().zip(PUBLISHED_GAINS).enumerate().take(3) {
         assert_at_most(&format!("published gain {}", joint + 1), 100.0 * (gain / published - 1.0).abs(), 5.0);
     }
     // Theirs keep all links to bodies and count rests as motion.
-    let bodies = GainOptions { consistency: Some(Consistency::default()), ..gains.clone() };
+    let bodies = gains.clone().with_consistency(Some(Consistency::default()));
     let mut as_theirs = options.clone();
     as_theirs.conditioning.standstill_speed = Some(1e-9);
     as_theirs.conditioning.cutoff_hz = Some(11.0);
@@ -412,7 +401,7 @@ fn payload_and_gains_of_the_ur10e() {
 
     let excitations = ["30s_12harm", "40s_12harm", "50s_12harm", "20s_8harm"];
     unloaded.extend(excitations.iter().flat_map(|name| read(&format!("excitation_{name}.csv"), [1.0; 6])));
-    gains = GainOptions { estimator: GainEstimator::MaximumLikelihood, lowest: vec![], ..gains };
+    gains = gains.with_estimator(GainEstimator::MaximumLikelihood).with_lowest(vec![]);
     let found = identify_drive_gains(&robot, &unloaded, &loaded, &options, &gains, &()).expect("good logs");
     println!("gains {:.3?} ± {:.3?}", found.gains, found.standard_deviations);
     for (joint, (gain, controller)) in found.gains.iter().zip(CONTROLLER_GAINS).enumerate() {
@@ -423,10 +412,10 @@ fn payload_and_gains_of_the_ur10e() {
 /// Held-out error of the unconstrained and of the consistent model.
 fn consistent_against_free(name: &str, case: &Case, effects: &[&str], distance: Distance, limit: f64) {
     let effects = effects.iter().map(|effect| (*effect).into()).collect();
-    let options = IdentifyOptions { effects, ..IdentifyOptions::default() };
+    let options = IdentifyOptions::default().with_effects(effects);
     let (free, _) = identify(&case.robot, &case.train, &options, &()).expect("good logs");
-    let consistency = Consistency { prior: Prior { distance, ..Prior::default() }, ..Consistency::default() };
-    let options = IdentifyOptions { consistency: Some(consistency), ..options };
+    let consistency = Consistency::default().with_prior(Prior::default().with_distance(distance));
+    let options = options.with_consistency(Some(consistency));
     let (model, _) = identify(&case.robot, &case.train, &options, &()).expect("good logs");
     let certificate = model.fit().and_then(|fit| fit.consistency.as_ref()).expect("asked for");
     let smallest = certificate.links.iter().map(|link| link.smallest_eigenvalue).fold(f64::INFINITY, f64::min);
@@ -441,7 +430,7 @@ fn consistent_against_free(name: &str, case: &Case, effects: &[&str], distance: 
 fn consistent_models_are_as_good_as_free_ones() {
     let uniform = Repair::default();
     let panda = panda_repair();
-    let ur10e = Repair { resample: Some(Resample::Hz(100.0)), ..Repair::default() };
+    let ur10e = Repair::default().with_resample(Some(Resample::Hz(100.0)));
     // Behind the gear no sensor sees the rotor.
     const AT_THE_LINK: [&str; 3] = ["viscous_friction", "coulomb_friction", "torque_offset"];
     const SPRINGS: [&str; 4] = ["viscous_friction", "coulomb_friction", "cable_stiffness", "torque_offset"];
@@ -511,7 +500,7 @@ fn watch(mut observer: MomentumObserver, rate_hz: f64, log: &Recording) -> Watch
 #[test]
 fn a_load_of_the_ur10e_is_torque_from_outside() {
     let Some(folder) = folder("ur10e") else { return };
-    let request = Repair { resample: Some(Resample::Hz(100.0)), ..Repair::default() };
+    let request = Repair::default().with_resample(Some(Resample::Hz(100.0)));
     let case = Case::read(&folder, &request);
     let model = case.identify(&ALL, Conditioning::default());
     let read = |name: &str| log(&folder, &case.robot, name, Some(PUBLISHED_GAINS.to_vec()), &request);
@@ -571,8 +560,8 @@ fn slow_logs_are_held_at_speeds_that_they_do_not_reach() {
         let (slow, test) = (read("train_3.csv"), [read("test.csv")]);
         let end = slow.time_seconds().iter().position(|time| *time >= seconds + slow.time_seconds()[0]);
         let train = [slow.slice(0..end.expect("longer"))];
-        let held = IdentifyOptions { effects, ..IdentifyOptions::default() };
-        let bare = IdentifyOptions { prior: None, ..held.clone() };
+        let held = IdentifyOptions::default().with_effects(effects);
+        let bare = held.clone().with_prior(None);
         let [held, bare] = [held, bare].map(|options| identify(&robot, &train, &options, &()).expect("good logs").0);
         let error = |model| compare(model, &test, held.processing()).expect("a good log").relative_error_percent;
         let (held, bare, file) = (error(&held), error(&bare), error(&TorqueModel::nominal(&robot)));

@@ -101,10 +101,10 @@ fn kinds_limits_and_friction_are_kept() {
     assert_eq!([a.kind, b.kind, c.kind], [JointKind::Revolute, JointKind::Continuous, JointKind::Prismatic]);
     assert_eq!(
         a.limits,
-        Limits { position: Some([-1.0, 2.0]), velocity: Some(3.0), effort: Some(40.0) },
+        Limits::default().with_position(Some([-1.0, 2.0])).with_velocity(Some(3.0)).with_effort(Some(40.0)),
         "what the file says"
     );
-    assert_eq!(b.limits, Limits { velocity: Some(3.0), ..Limits::default() }, "continuous joints have no end");
+    assert_eq!(b.limits, Limits::default().with_velocity(Some(3.0)), "continuous joints have no end");
     assert_eq!(c.limits, Limits::default(), "zeros are what URDF writes for unknown limits");
     assert_eq!((a.damping, a.friction, b.damping), (0.5, 0.25, 0.0));
     assert_eq!(c.axis, Vector3::new(1.0, 0.0, 0.0));
@@ -126,10 +126,10 @@ fn infinite_limits_are_no_limits() {
 fn bodies_behind_fixed_and_locked_joints_are_merged_with_their_inertia() {
     let fixed = read(&planar("fixed"));
     // Locked at zero, and turned by as much as the joint's own frame is.
-    let lock = |position: f64| UrdfOptions {
-        joints: Some(vec!["to_one".into()]),
-        locked: HashMap::from([("to_two".into(), position)]),
-        ..UrdfOptions::default()
+    let lock = |position: f64| {
+        UrdfOptions::default()
+            .with_joints(Some(vec!["to_one".into()]))
+            .with_locked(HashMap::from([("to_two".into(), position)]))
     };
     let g = Vector3::new(0.0, -9.81, 0.0);
     for (arm, angle) in [
@@ -167,11 +167,9 @@ fn a_locked_slide_moves_the_body_along_its_axis() {
         &joint("prismatic", "one", "two", "<axis xyz=\"2 0 0\"/>"),
     ]
     .concat();
-    let options = UrdfOptions {
-        joints: Some(vec!["to_one".into()]),
-        locked: HashMap::from([("to_two".into(), 0.5)]),
-        ..UrdfOptions::default()
-    };
+    let options = UrdfOptions::default()
+        .with_joints(Some(vec!["to_one".into()]))
+        .with_locked(HashMap::from([("to_two".into(), 0.5)]));
     let arm = read_with(&body, &options).expect("valid");
     assert!((mass_matrix(&arm, &mut Workspace::new(&arm), &[0.3])[0] - 2.0 * 0.25).abs() < TOLERANCE);
 }
@@ -303,7 +301,7 @@ fn what_is_strange_but_possible_is_a_warning() {
 fn joints_are_chosen_by_name() {
     let choose = |names: &[&str]| {
         let joints = Some(names.iter().map(|name| (*name).into()).collect());
-        let options = UrdfOptions { joints, ..UrdfOptions::default() };
+        let options = UrdfOptions::default().with_joints(joints);
         let body = planar("revolute") + "<link name=\"tool\"/>" + &joint("fixed", "two", "tool", "");
         read_with(&body, &options)
     };
@@ -321,7 +319,7 @@ fn joints_are_chosen_by_name() {
     assert_eq!(second.joint_index("to_one"), None);
 
     let locked = HashMap::from([("to_too".to_string(), 0.1)]);
-    let options = UrdfOptions { locked, ..UrdfOptions::default() };
+    let options = UrdfOptions::default().with_locked(locked);
     let message = read_with(&planar("revolute"), &options).expect_err("a slip of the pen").to_string();
     assert_says(&message, &["no joint `to_too`", "`to_one`, `to_two`"]);
 }
@@ -330,8 +328,7 @@ fn joints_are_chosen_by_name() {
 fn a_lock_that_cannot_be_is_refused() {
     let lock = |joint: &str, position: f64| {
         let joints = Some(vec!["to_one".to_string()]);
-        let options =
-            UrdfOptions { joints, locked: HashMap::from([(joint.into(), position)]), ..UrdfOptions::default() };
+        let options = UrdfOptions::default().with_joints(joints).with_locked(HashMap::from([(joint.into(), position)]));
         read_with(&planar("revolute"), &options).expect_err("invalid").to_string()
     };
     assert_says(&lock("to_two", f64::NAN), &["`to_two`", "not a finite number"]);
@@ -352,11 +349,11 @@ fn mimicking_joints_stand_unless_they_are_asked_for() {
     let text = serde_json::to_string(&arm).expect("plain data");
     assert_eq!(serde_json::from_str::<Robot>(&text).expect("the same robot").warnings(), warnings);
     let joints = Some(vec!["to_one".into(), "to_two".into()]);
-    let both = read_with(&body, &UrdfOptions { joints, ..UrdfOptions::default() }).expect("valid");
+    let both = read_with(&body, &UrdfOptions::default().with_joints(joints)).expect("valid");
     assert_eq!(both.dof(), 2);
     // Who says where it stands, or which joints move, knows.
-    let locked = UrdfOptions { locked: [("to_two".to_string(), 0.3)].into(), ..UrdfOptions::default() };
-    let one = UrdfOptions { joints: Some(vec!["to_one".into()]), ..UrdfOptions::default() };
+    let locked = UrdfOptions::default().with_locked([("to_two".to_string(), 0.3)].into());
+    let one = UrdfOptions::default().with_joints(Some(vec!["to_one".into()]));
     for silent in [both, read_with(&body, &locked).expect("valid"), read_with(&body, &one).expect("valid")] {
         assert!(!silent.warnings().iter().any(|text| text.contains("mimics")));
     }
@@ -365,15 +362,15 @@ fn mimicking_joints_stand_unless_they_are_asked_for() {
 #[test]
 fn gravity_is_the_callers() {
     let moon = Vector3::new(0.0, 1.62, 0.0);
-    let options = UrdfOptions { gravity: moon, ..UrdfOptions::default() };
+    let options = UrdfOptions::default().with_gravity(moon);
     let arm = read_with(&planar("fixed"), &options).expect("valid");
     assert_eq!(arm.gravity(), moon);
     let torque = gravity_torque(&arm, &mut Workspace::new(&arm), &[0.0])[0];
     assert!((torque + 1.62 * (0.5 + 2.0)).abs() < TOLERANCE, "pushed the other way: {torque}");
     assert_eq!(read(&planar("fixed")).gravity(), STANDARD_GRAVITY);
-    let options = UrdfOptions { gravity: Vector3::new(0.0, 0.0, f64::INFINITY), ..UrdfOptions::default() };
+    let options = UrdfOptions::default().with_gravity(Vector3::new(0.0, 0.0, f64::INFINITY));
     assert_says(&read_with(&planar("fixed"), &options).expect_err("infinite").to_string(), &["`gravity`", "finite"]);
-    let options = UrdfOptions { gravity: Vector3::new(0.0, 0.0, 1e160), ..UrdfOptions::default() };
+    let options = UrdfOptions::default().with_gravity(Vector3::new(0.0, 0.0, 1e160));
     let text = read_with(&planar("fixed"), &options).expect_err("its square is infinite").to_string();
     assert_says(&text, &["`gravity`", "1e160", "check the units"]);
 }
@@ -548,7 +545,7 @@ fn deep_nesting_and_long_chains_do_no_harm() {
     let arm = read(&body);
     assert_eq!((arm.dof(), arm.frames().len()), (1, 3002));
     assert!((arm.joints()[0].placement.translation.z - 3.0).abs() < 1e-9);
-    let options = UrdfOptions { joints: Some(vec!["to_l7".into()]), ..UrdfOptions::default() };
+    let options = UrdfOptions::default().with_joints(Some(vec!["to_l7".into()]));
     assert_eq!(read_with(&chain("continuous", 3000), &options).expect("one joint").dof(), 1);
 }
 
@@ -585,16 +582,7 @@ fn a_robot_written_down_and_read_back_is_the_same() {
 
 #[test]
 fn robots_from_parts_are_checked() {
-    let joint = |name: &str, parent: Option<usize>| Joint {
-        name: name.into(),
-        kind: JointKind::Revolute,
-        parent,
-        placement: Pose::IDENTITY,
-        axis: Vector3::new(0.0, 0.0, 1.0),
-        limits: Limits::default(),
-        damping: 0.0,
-        friction: 0.0,
-    };
+    let joint = |name: &str, parent: Option<usize>| Joint::new(name, JointKind::Revolute).with_parent(parent);
     let new = |joints: Vec<Joint>, links: usize, frame: Option<usize>| {
         let frames = vec![Frame { name: "tool".into(), joint: frame, pose: Pose::IDENTITY }];
         Robot::new("parts", joints, vec![LinkInertia::ZERO; links], frames, STANDARD_GRAVITY).map_err(|e| e.to_string())
@@ -606,7 +594,7 @@ fn robots_from_parts_are_checked() {
     assert_says(&message(vec![joint("a", Some(0))], 1, None), &["`a`", "base to tip"]);
     assert_says(&message(vec![joint("a", None)], 1, Some(1)), &["`tool`", "joint number 1"]);
     assert_says(&message(vec![], 0, None), &["`parts` has no movable joint"]);
-    let rough = Joint { friction: f64::NAN, ..joint("a", None) };
+    let rough = joint("a", None).with_friction(f64::NAN);
     assert_says(&message(vec![rough], 1, None), &["`a`", "not a finite number"]);
     let many = (0..101).map(|k| joint(&format!("j{k}"), None)).collect();
     assert_says(&message(many, 101, None), &["101 movable joints", "at most 100"]);
@@ -631,12 +619,12 @@ fn tables_are_checked() {
         let light = row.clone().with_body(-1.0, [0.0; 3], [[0.0; 3]; 3]);
         assert_says(&message(&[light], None), &["`joint_1`", "-1 kg"]);
         for bad in [
-            DhRow { a: f64::NAN, ..row.clone() },
-            DhRow { alpha: f64::INFINITY, ..row.clone() },
-            DhRow { d: f64::NAN, ..row.clone() },
-            DhRow { theta: f64::NAN, ..row.clone() },
-            DhRow { mass: f64::INFINITY, ..row.clone() },
-            DhRow { inertia: [[f64::NAN; 3]; 3], ..row.clone() },
+            row.clone().with_a(f64::NAN),
+            row.clone().with_alpha(f64::INFINITY),
+            row.clone().with_d(f64::NAN),
+            row.clone().with_theta(f64::NAN),
+            row.clone().with_mass(f64::INFINITY),
+            row.clone().with_inertia([[f64::NAN; 3]; 3]),
             row.clone().with_body(1.0, [0.0, f64::NAN, 0.0], [[0.0; 3]; 3]),
         ] {
             assert_says(&message(std::slice::from_ref(&bad), None), &["not a finite number"]);

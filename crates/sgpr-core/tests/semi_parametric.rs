@@ -18,7 +18,7 @@ use sgpr_core::model::{
     SemiParametricOptions, Start, StreamOptions, StreamedModel, Term, TorqueModel, compare, fit_rest,
     fit_semi_parametric, identify,
 };
-use sgpr_core::motion::{Conditioning, Motion};
+use sgpr_core::motion::Motion;
 use sgpr_core::progress::{Interrupted, Progress};
 use sgpr_core::recording::{Recording, csv};
 use sgpr_core::robot::{Robot, UrdfOptions, two_link};
@@ -37,9 +37,9 @@ fn train() -> Vec<Recording> {
 
 /// Physics without friction, small processes.
 fn options() -> SemiParametricOptions {
-    let identify = IdentifyOptions { effects: vec!["rotor_inertia".into()], ..IdentifyOptions::default() };
-    let compute = Compute { threads: 2, ..Compute::default() };
-    SemiParametricOptions { identify, points: 120, evaluations: 20, compute, ..SemiParametricOptions::default() }
+    let identify = IdentifyOptions::default().with_effects(vec!["rotor_inertia".into()]);
+    let compute = Compute::default().with_threads(2);
+    SemiParametricOptions::default().with_identify(identify).with_points(120).with_evaluations(20).with_compute(compute)
 }
 
 fn fit(options: &SemiParametricOptions) -> SemiParametricModel {
@@ -96,7 +96,7 @@ fn a_model_read_back_and_a_predictor_say_the_same() {
     let (q, dq) = (&test.position()[..600], &test.velocity().expect("logged")[..600]);
     let samples = Samples { q, dq, ddq: dq };
     for mean in [Mean::Physics, Mean::Joint, Mean::Zero] {
-        let model = fit(&SemiParametricOptions { mean, inputs: Some(Inputs::OwnJoint), ..options() });
+        let model = fit(&options().with_mean(mean).with_inputs(Some(Inputs::OwnJoint)));
         let prediction = model.predict(samples, true).expect("finite");
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("model.sgpr");
@@ -107,8 +107,8 @@ fn a_model_read_back_and_a_predictor_say_the_same() {
         assert_eq!(back.to_bytes(), model.to_bytes());
         assert!(TorqueModel::load(&path).expect_err("another kind").to_string().contains("semi-parametric"));
 
-        let every = PredictorOptions { variance_rank: None, ..PredictorOptions::default() };
-        let single = PredictorOptions { precision: Precision::Single, ..PredictorOptions::default() };
+        let every = PredictorOptions::default().with_variance_rank(None);
+        let single = PredictorOptions::default().with_precision(Precision::Single);
         let mut exact = back.predictor(every, &StreamOptions::default()).expect("small");
         let mut fast = back.predictor(single, &StreamOptions::default()).expect("small");
         for k in (0..600).step_by(60) {
@@ -132,11 +132,11 @@ fn a_model_read_back_and_a_predictor_say_the_same() {
 /// Rotors are missing, which least squares hides in the inertias of the links: wrong on any other motion.
 #[test]
 fn estimating_the_physics_together_with_the_rest_brings_back_what_it_hid() {
-    let mut options = SemiParametricOptions { inputs: Some(Inputs::OwnMotion), ard: false, ..options() };
+    let mut options = options().with_inputs(Some(Inputs::OwnMotion)).with_ard(false);
     options.identify.effects = ["viscous_friction", "coulomb_friction"].map(String::from).to_vec();
     let test = [read("test")];
     let fixed = fit(&options);
-    let joint = fit(&SemiParametricOptions { mean: Mean::Joint, ..options });
+    let joint = fit(&options.with_mean(Mean::Joint));
     let (a, b) = (fixed.compare(&test).expect("good"), joint.compare(&test).expect("good"));
     println!("physics first {:.2} %, together {:.2} %", a.relative_error_percent, b.relative_error_percent);
     assert!(
@@ -181,7 +181,7 @@ fn the_error_of_an_internal_model_is_learned_from_its_feedback_torque() {
         )
         .expect("a log")
     };
-    let mut options = SemiParametricOptions { inputs: Some(Inputs::OwnVelocity), ..options() };
+    let mut options = options().with_inputs(Some(Inputs::OwnVelocity));
     options.identify.start = Start::Zero;
     let train: Vec<Recording> = train().iter().map(feedback).collect();
     let error = fit_semi_parametric(&robot(), &train, &options, &()).expect("good logs");
@@ -216,7 +216,7 @@ fn at_single_joints(model: &TorqueModel, effect: &str) -> TorqueModel {
 
 #[test]
 fn effects_at_single_joints_are_part_of_the_physics() {
-    let mut options = SemiParametricOptions { inputs: Some(Inputs::OwnMotion), ..options() };
+    let mut options = options().with_inputs(Some(Inputs::OwnMotion));
     options.identify.effects = ["viscous_friction", "coulomb_friction"].map(String::from).to_vec();
     let (everywhere, _) = identify(&robot(), &train(), &options.identify, &()).expect("good logs");
     let single = at_single_joints(&everywhere, "coulomb_friction");
@@ -256,7 +256,7 @@ fn effects_at_single_joints_are_part_of_the_physics() {
 fn a_length_scale_for_each_input_does_not_overfit() {
     let test = [read("test")];
     let errors = |ard: bool| {
-        let model = fit(&SemiParametricOptions { ard, inputs: Some(Inputs::All), evaluations: 60, ..options() });
+        let model = fit(&options().with_ard(ard).with_inputs(Some(Inputs::All)).with_evaluations(60));
         let error = |logs: &[Recording]| model.compare(logs).expect("good").relative_error_percent;
         let physics = compare(model.physics(), &test, None).expect("good").relative_error_percent;
         let (seen, unseen) = (error(&train()), error(&test));
@@ -284,8 +284,8 @@ fn physics_that_lacks_nothing_is_left_as_it_was_identified() {
         Recording::new("exact", names, time.clone(), q.clone(), Some(dq.clone()), Some(tau), vec![]).expect("arrays")
     };
     let logs: Vec<Recording> = train().iter().map(exact).collect();
-    let options = SemiParametricOptions { mean: Mean::Joint, inputs: Some(Inputs::OwnMotion), ..options() };
-    let options = SemiParametricOptions { identify: IdentifyOptions::default(), ..options };
+    let options = options().with_mean(Mean::Joint).with_inputs(Some(Inputs::OwnMotion));
+    let options = options.with_identify(IdentifyOptions::default());
     let model = fit_semi_parametric(&robot, &logs, &options, &()).expect("good logs");
     assert!(model.reports().iter().all(|report| report.chosen.is_none() && report.candidates.len() == 2));
     let (physics, _) = identify(&robot, &logs, &options.identify, &()).expect("good logs");
@@ -298,11 +298,10 @@ fn physics_that_lacks_nothing_is_left_as_it_was_identified() {
 fn physics_of_a_single_log_is_judged_by_parts_that_it_has_not_seen() {
     let log = simulated(5, 400);
     let effects = ["viscous_friction", "coulomb_friction", "torque_offset", "cable_stiffness"].map(String::from);
-    let conditioning =
-        Conditioning { cutoff_hz: Some(10.0), decimation: Some(1), ..IdentifyOptions::default().conditioning };
+    let conditioning = IdentifyOptions::default().conditioning.with_cutoff_hz(Some(10.0)).with_decimation(Some(1));
     // Physics that is estimated beside processes is bare: they hold what it leaves open.
     let identify_options =
-        IdentifyOptions { effects: effects.to_vec(), conditioning, prior: None, ..Default::default() };
+        IdentifyOptions::default().with_effects(effects.to_vec()).with_conditioning(conditioning).with_prior(None);
     // Another way to the same: the log without an eighth is two logs, and physics is identified from these.
     let mut squares = [0.0; 2];
     let mut samples = [0.0; 2];
@@ -320,12 +319,7 @@ fn physics_of_a_single_log_is_judged_by_parts_that_it_has_not_seen() {
             }
         }
     }
-    let options = SemiParametricOptions {
-        identify: identify_options,
-        mean: Mean::Joint,
-        inputs: Some(Inputs::Positions),
-        ..options()
-    };
+    let options = options().with_identify(identify_options).with_mean(Mean::Joint).with_inputs(Some(Inputs::Positions));
     let model = fit_semi_parametric(&two_link(), std::slice::from_ref(&log), &options, &()).expect("a good log");
     for (joint, report) in model.reports().into_iter().enumerate() {
         let (found, expected) = (report.physics_rmse_left_out, f64::sqrt(squares[joint] / samples[joint]));
@@ -341,11 +335,10 @@ fn physics_of_a_single_log_is_judged_by_parts_that_it_has_not_seen() {
 #[test]
 fn intervals_of_a_single_log_count_errors_that_the_physics_has_not_seen() {
     let effects = ["viscous_friction", "coulomb_friction", "torque_offset"].map(String::from);
-    let conditioning =
-        Conditioning { cutoff_hz: Some(10.0), decimation: Some(1), ..IdentifyOptions::default().conditioning };
+    let conditioning = IdentifyOptions::default().conditioning.with_cutoff_hz(Some(10.0)).with_decimation(Some(1));
     let identify_options =
-        IdentifyOptions { effects: effects.to_vec(), conditioning, prior: None, ..Default::default() };
-    let options = SemiParametricOptions { identify: identify_options, ..options() };
+        IdentifyOptions::default().with_effects(effects.to_vec()).with_conditioning(conditioning).with_prior(None);
+    let options = options().with_identify(identify_options);
     let (mut inside, mut within) = (vec![], vec![]);
     for seed in 0..24 {
         let [log, other] = [1, 2].map(|which| simulated_with(2 * seed + which, 200, 0.0));
@@ -364,7 +357,7 @@ fn intervals_of_a_single_log_count_errors_that_the_physics_has_not_seen() {
 
 #[test]
 fn joints_that_share_a_kernel_are_learned_and_predicted_together() {
-    let shared = SemiParametricOptions { shared: true, ..options() };
+    let shared = options().with_shared(true);
     let model = fit(&shared);
     let test = [read("test")];
     let (before, after) = (compare(model.physics(), &test, None).expect("good"), model.compare(&test).expect("good"));
@@ -387,14 +380,14 @@ fn joints_that_share_a_kernel_are_learned_and_predicted_together() {
     let (q, dq) = (&test[0].position()[..600], &test[0].velocity().expect("logged")[..600]);
     let expected = model.predict(Samples { q, dq, ddq: dq }, true).expect("finite");
     for (precision, tolerance) in [(Precision::Double, 1e-9), (Precision::Single, 1e-3)] {
-        let options = PredictorOptions { precision, ..PredictorOptions::default() };
+        let options = PredictorOptions::default().with_precision(precision);
         let mut predictor = model.predictor(options, &StreamOptions::default()).expect("small");
         for k in (0..600).step_by(6) {
             let tau = predictor.torque(&q[k..k + 6], &dq[k..k + 6], &dq[k..k + 6]);
             assert!(largest_difference(tau, &expected.tau[k..k + 6]) < tolerance);
         }
     }
-    let wrong = SemiParametricOptions { inputs: Some(Inputs::OwnVelocity), ..shared };
+    let wrong = shared.with_inputs(Some(Inputs::OwnVelocity));
     let error = fit_semi_parametric(&robot(), &train(), &wrong, &()).expect_err("inputs of one joint");
     assert!(error.to_string().contains("cannot look at `own_velocity`"), "{error}");
 }
@@ -406,10 +399,10 @@ fn after_a_diagnosis_the_processes_learn_the_rest() {
     for (case, unexplained) in [("dev03", false), ("dev16", false), ("dev21", true)] {
         let Some((robot, train, test)) = hidden_case(case) else { return };
         let effects = ["viscous_friction", "coulomb_friction", "rotor_inertia"].map(String::from).to_vec();
-        let identify_options = IdentifyOptions { effects, ..IdentifyOptions::default() };
+        let identify_options = IdentifyOptions::default().with_effects(effects);
         let (model, _) = identify(&robot, &train, &identify_options, &()).expect("good logs");
         let catalogue = ["stribeck_friction", "torque_delay"].map(|name| by_name(name).expect("of the library"));
-        let wanted = DiagnosisOptions { catalogue: catalogue.to_vec(), ..DiagnosisOptions::default() };
+        let wanted = DiagnosisOptions::default().with_catalogue(catalogue.to_vec());
         let diagnosed = diagnose(&model, &train, &test, &wanted, &()).expect("good logs").after;
         assert_eq!(diagnosed.terms().is_empty(), unexplained, "{case}");
         let rest = fit_rest(&diagnosed, &train, &options(), &()).expect("good logs");
@@ -445,15 +438,15 @@ fn stopping_leaves_what_there_is_and_a_budget_is_checked() {
     let stop = StopAfter(AtomicUsize::new(1), "observe");
     let error = fit_semi_parametric(&robot(), &train(), &options(), &stop).expect_err("nothing is there");
     assert!(error.to_string().contains("stopped on request"));
-    let none = SemiParametricOptions { points: 1, ..options() };
+    let none = options().with_points(1);
     let error = fit_semi_parametric(&robot(), &train(), &none, &()).expect_err("no budget");
     assert!(matches!(error, SemiParametricError::Budget { points: 1, .. }));
 }
 
 #[test]
 fn damaged_and_hostile_files_are_refused() {
-    let own = SemiParametricOptions { inputs: Some(Inputs::OwnVelocity), sparse: Some(false), ..options() };
-    let model = fit(&SemiParametricOptions { points: 20, ..own });
+    let own = options().with_inputs(Some(Inputs::OwnVelocity)).with_sparse(Some(false));
+    let model = fit(&own.with_points(20));
     let good = model.to_bytes();
     let message = |bytes: &[u8]| SemiParametricModel::from_bytes(bytes, "x.sgpr").expect_err("damaged").to_string();
     let replace = |from: &str, to: &str| {
@@ -526,12 +519,12 @@ fn a_controller_reads_the_same(bytes: &[u8], model: &SemiParametricModel, motion
     let read = StreamedModel::from_bytes(bytes, "file").expect("just written");
     assert!(read.learned());
     let stream = StreamOptions::default();
-    let rest = RestOptions { deviation: true, ..RestOptions::default() };
+    let rest = RestOptions::default().with_deviation(true);
     let mut sure = read.predictor_with(&stream, &rest).expect("small");
     let mut mean = read.predictor(&stream).expect("no variance");
-    let single = RestOptions { precision: Precision::Single, ..RestOptions::default() };
+    let single = RestOptions::default().with_precision(Precision::Single);
     let mut single = read.predictor_with(&stream, &single).expect("no variance");
-    let means = PredictorOptions { variance_rank: Some(0), ..PredictorOptions::default() };
+    let means = PredictorOptions::default().with_variance_rank(Some(0));
     let mut own = model.predictor(means, &stream).expect("no variance");
     let largest = prediction.tau.iter().fold(0.0f64, |largest, tau| largest.max(tau.abs()));
     for k in (0..prediction.tau.len()).step_by(20 * n) {
@@ -554,8 +547,8 @@ fn a_controller_reads_the_same(bytes: &[u8], model: &SemiParametricModel, motion
 fn predictor_says_the_same(model: &SemiParametricModel, motion: Samples<'_>) {
     a_controller_reads_the_same(&model.to_bytes(), model, motion);
     let (n, prediction) = (model.reports().len(), model.predict(motion, true).expect("finite"));
-    let every = PredictorOptions { variance_rank: None, ..PredictorOptions::default() };
-    let single = PredictorOptions { precision: Precision::Single, ..PredictorOptions::default() };
+    let every = PredictorOptions::default().with_variance_rank(None);
+    let single = PredictorOptions::default().with_precision(Precision::Single);
     let mut exact = model.predictor(every, &StreamOptions::default()).expect("small");
     let mut fast = model.predictor(single, &StreamOptions::default()).expect("small");
     for k in (0..prediction.tau.len()).step_by(20 * n) {
@@ -574,15 +567,15 @@ fn predictor_says_the_same(model: &SemiParametricModel, motion: Samples<'_>) {
 #[test]
 fn a_long_log_is_seen_through_inducing_points() {
     let (train, test) = ([simulated(1, 60_000)], [simulated(2, 10_000)]);
-    let conditioning =
-        Conditioning { cutoff_hz: Some(10.0), decimation: Some(1), ..IdentifyOptions::default().conditioning };
-    let identify = IdentifyOptions { effects: vec!["viscous_friction".into()], conditioning, ..Default::default() };
+    let conditioning = IdentifyOptions::default().conditioning.with_cutoff_hz(Some(10.0)).with_decimation(Some(1));
+    let identify =
+        IdentifyOptions::default().with_effects(vec!["viscous_friction".into()]).with_conditioning(conditioning);
     let inputs = Some(Inputs::Positions);
-    let options = SemiParametricOptions { identify, inputs, points: 150, evaluations: 25, ..options() };
+    let options = options().with_identify(identify).with_inputs(inputs).with_points(150).with_evaluations(25);
     let settings = [(Mean::Physics, false), (Mean::Joint, false), (Mean::Physics, true)];
     for (mean, shared) in settings {
         let fit = |sparse| {
-            let options = SemiParametricOptions { mean, shared, sparse, ..options.clone() };
+            let options = options.clone().with_mean(mean).with_shared(shared).with_sparse(sparse);
             fit_semi_parametric(&two_link(), &train, &options, &()).expect("a good log")
         };
         let (subset, chosen) = (fit(Some(false)), fit(None));
@@ -632,10 +625,10 @@ fn a_long_log_is_seen_through_inducing_points() {
 /// Where nothing but noise is left over, more rows find nothing either: the physics stays alone.
 #[test]
 fn a_long_log_of_noise_has_no_process() {
-    let conditioning =
-        Conditioning { cutoff_hz: Some(10.0), decimation: Some(1), ..IdentifyOptions::default().conditioning };
-    let identify = IdentifyOptions { effects: vec!["viscous_friction".into()], conditioning, ..Default::default() };
-    let options = SemiParametricOptions { identify, points: 60, evaluations: 15, ..options() };
+    let conditioning = IdentifyOptions::default().conditioning.with_cutoff_hz(Some(10.0)).with_decimation(Some(1));
+    let identify =
+        IdentifyOptions::default().with_effects(vec!["viscous_friction".into()]).with_conditioning(conditioning);
+    let options = options().with_identify(identify).with_points(60).with_evaluations(15);
     let model = fit_semi_parametric(&two_link(), &[simulated_with(3, 20_000, 0.0)], &options, &()).expect("a good log");
     for report in model.reports() {
         assert!(report.chosen.is_none() && report.candidates.len() > 5, "{report:?}");

@@ -91,7 +91,7 @@ fn a_driven_motion_agrees_with_mujoco() {
     // MuJoCo has rotors and viscous friction, but no Coulomb friction here: its own is softened.
     let drives: Vec<Drive> = puma560_drives()
         .into_iter()
-        .map(|drive| Drive { coulomb_friction: [0.0; 2], static_friction: [0.0; 2], ..drive })
+        .map(|drive| drive.with_coulomb_friction([0.0; 2]).with_static_friction([0.0; 2]))
         .collect();
     let mut simulator = arm(&robot, &drives, Integrator::RungeKutta4, 1e-4);
     simulator.set_state(&rows[0][..6], &rows[0][6..]).expect("finite");
@@ -133,13 +133,12 @@ fn friction_holds_the_arm_where_it_is_for_ever() {
 fn a_joint_breaks_away_at_its_static_friction_in_either_direction() {
     // Gravity along the axes: only friction is there.
     let robot = two_link().with_gravity(Vector3::new(0.0, 0.0, -9.81));
-    let drive = Drive {
-        rotor_inertia: 0.1,
-        viscous_friction: 1.0,
-        coulomb_friction: [2.0, 1.0],
-        static_friction: [3.0, 1.6],
-        stribeck_velocity: 0.02,
-    };
+    let drive = Drive::default()
+        .with_rotor_inertia(0.1)
+        .with_viscous_friction(1.0)
+        .with_coulomb_friction([2.0, 1.0])
+        .with_static_friction([3.0, 1.6])
+        .with_stribeck_velocity(0.02);
     for integrator in BOTH {
         for (push, moves) in [(2.99, false), (3.01, true), (-1.59, false), (-1.61, true)] {
             let mut simulator = arm(&robot, &[drive; 2], integrator, 1e-3);
@@ -158,7 +157,7 @@ fn sliding_comes_to_rest_where_the_energy_is_used_up() {
     // A flywheel with Coulomb friction alone: it stops after I v² / (2 Fc).
     let robot = two_link().with_gravity(Vector3::new(0.0, 0.0, -9.81)).with_standard_parameters(&[0.0; 20]);
     let drive =
-        Drive { rotor_inertia: 0.5, coulomb_friction: [2.0, 1.0], static_friction: [2.0, 1.0], ..Drive::default() };
+        Drive::default().with_rotor_inertia(0.5).with_coulomb_friction([2.0, 1.0]).with_static_friction([2.0, 1.0]);
     for (integrator, tolerance) in [(Integrator::SemiImplicitEuler, 2e-3), (Integrator::RungeKutta4, 1e-6)] {
         for (speed, friction) in [(1.5f64, 2.0), (-1.5, -1.0)] {
             let mut simulator = arm(&robot, &[drive; 2], integrator, 1e-3);
@@ -177,7 +176,7 @@ fn sliding_comes_to_rest_where_the_energy_is_used_up() {
 fn friction_far_stiffer_than_the_step_is_stable() {
     let robot = puma560();
     let drives: Vec<Drive> =
-        puma_with_all_friction().into_iter().map(|drive| Drive { viscous_friction: 1e6, ..drive }).collect();
+        puma_with_all_friction().into_iter().map(|drive| drive.with_viscous_friction(1e6)).collect();
     let mut simulator = arm(&robot, &drives, Integrator::SemiImplicitEuler, 1e-3);
     simulator.set_state(&[0.3; 6], &[2.0; 6]).expect("finite");
     for _ in 0..1000 {
@@ -226,7 +225,7 @@ fn follow_with(
 }
 
 fn feed_forward() -> FeedForward<RigidBody> {
-    FeedForward { model: RigidBody::new(&puma560()), gains: Gains::uniform(6, 500.0, 30.0) }
+    FeedForward::new(RigidBody::new(&puma560()), Gains::uniform(6, 500.0, 30.0))
 }
 
 #[test]
@@ -247,7 +246,7 @@ fn every_controller_follows_with_a_true_model() {
     // Without dry friction, which computed torque at a measured velocity of zero cannot compensate.
     let drives: Vec<Drive> = puma560_drives()
         .into_iter()
-        .map(|drive| Drive { coulomb_friction: [0.0; 2], static_friction: [0.0; 2], ..drive })
+        .map(|drive| drive.with_coulomb_friction([0.0; 2]).with_static_friction([0.0; 2]))
         .collect();
     let model = || {
         let mut body = RigidBody::new(&robot);
@@ -265,8 +264,8 @@ fn every_controller_follows_with_a_true_model() {
     let run = |controller: &mut dyn Controller| {
         worst(follow_with(&drives, Integrator::SemiImplicitEuler, 2.5e-4, controller, &experiment))
     };
-    let forward = run(&mut FeedForward { model: model(), gains: gains.clone() });
-    let impedance = run(&mut JointImpedance { model: model(), gains: gains.clone() });
+    let forward = run(&mut FeedForward::new(model(), gains.clone()));
+    let impedance = run(&mut JointImpedance::new(model(), gains.clone()));
     let computed = run(&mut ComputedTorque::new(model(), Gains::uniform(6, 400.0, 40.0)));
     let feedback = run(&mut Pd(gains));
     // What is left is the torque held over a millisecond.
@@ -287,7 +286,7 @@ fn a_soft_impedance_moves_joints_that_stand() {
         }
     };
     // The spring alone would need an error of Fc / K, 2.5 rad at the first joint, before anything moves.
-    let mut soft = JointImpedance { model, gains: Gains::uniform(6, 10.0, 2.0) };
+    let mut soft = JointImpedance::new(model, Gains::uniform(6, 10.0, 2.0));
     let experiment = Experiment::default();
     let record = follow_with(&drives, Integrator::SemiImplicitEuler, 2.5e-4, &mut soft, &experiment);
     let errors = record.tracking_rmse();
@@ -296,22 +295,20 @@ fn a_soft_impedance_moves_joints_that_stand() {
 
 #[test]
 fn noise_and_quantisation_are_what_was_asked_for_and_repeat_to_the_bit() {
-    let experiment = Experiment {
-        sensors: Sensors {
-            position_resolution: vec![1e-4; 6],
-            torque_noise: vec![0.5; 6],
-            actuation_noise: vec![0.1; 6],
-            velocity: VelocitySensor::Difference,
-            ..Sensors::default()
-        },
-        delay: 1.5e-3,
-        seed: 7,
-        ..Experiment::default()
-    };
+    let experiment = Experiment::default()
+        .with_sensors(
+            Sensors::default()
+                .with_position_resolution(vec![1e-4; 6])
+                .with_torque_noise(vec![0.5; 6])
+                .with_actuation_noise(vec![0.1; 6])
+                .with_velocity(VelocitySensor::Difference),
+        )
+        .with_delay(1.5e-3)
+        .with_seed(7);
     let run = |experiment: &Experiment| follow(Integrator::SemiImplicitEuler, 2.5e-4, &mut feed_forward(), experiment);
     let record = run(&experiment);
     assert_eq!(record, run(&experiment), "same inputs, same bits");
-    assert_ne!(record, run(&Experiment { seed: 8, ..experiment }));
+    assert_ne!(record, run(&experiment.with_seed(8)));
     for (measured, q) in record.q_measured.iter().zip(&record.q) {
         assert!((measured - q).abs() < 0.5e-4 + 1e-12);
         assert!((measured / 1e-4 - (measured / 1e-4).round()).abs() < 1e-6);
@@ -335,7 +332,7 @@ fn a_delay_is_a_delay() {
     let robot = two_link();
     for (delay, whole) in [(0.0, 0.0), (1e-3, 1e-3), (5e-3, 5e-3), (2.5e-3, 3e-3)] {
         let mut simulator = arm(&robot, &two_link_drives(), Integrator::default(), 2.5e-4);
-        let experiment = Experiment { delay, ..Experiment::default() };
+        let experiment = Experiment::default().with_delay(delay);
         let record = simulate(&mut simulator, &mut Clock, &Sines(2), 0.05, &experiment, &()).expect("stable");
         for (time, tau) in record.time.iter().zip(record.tau.chunks_exact(2)) {
             // At a control sample the torque of `whole` ago acts; in between, that of the sample before.
@@ -353,7 +350,7 @@ fn an_experiment_goes_on_after_something_was_picked_up() {
     parameters[10] += 1.0;
     let loaded = robot.clone().with_standard_parameters(&parameters);
     let mut simulator = arm(&robot, &two_link_drives(), Integrator::default(), 2.5e-4);
-    let mut controller = FeedForward { model: RigidBody::new(&robot), gains: Gains::uniform(2, 300.0, 20.0) };
+    let mut controller = FeedForward::new(RigidBody::new(&robot), Gains::uniform(2, 300.0, 20.0));
     let experiment = Experiment::default();
     let mut run = |simulator: &mut Simulator| {
         simulate(simulator, &mut controller, &Sines(2), 1.0, &experiment, &()).expect("stable")
@@ -460,7 +457,7 @@ fn effects_with_a_loop_over_the_position_keep_their_state() {
         applied.extend(tau);
     }
     let samples = sgpr_core::dynamics::Samples { q: &q, dq: &dq, ddq: &ddq };
-    let trajectory = Trajectory { samples, rate_hz: 1e4, time: &time, channels: &[] };
+    let trajectory = Trajectory::of_samples(samples).with_rate_hz(1e4).with_time(&time);
     let missed = |model: &TorqueModel| largest_difference(&model.predict_trajectory(&trajectory), &applied);
     let reverses = dq.chunks_exact(2).zip(dq[2..].chunks_exact(2)).filter(|(a, b)| a[0] * b[0] < 0.0).count();
     assert!(reverses > 3, "{reverses}");
@@ -491,10 +488,10 @@ fn bad_input_is_refused_with_names() {
     }
     let (message, _) = run(&mut Broken, &experiment);
     assert_eq!(message, "the controller gives NaN for joint `joint_3` at 0.101000 s: a torque is a finite number");
-    let (message, _) = run(&mut Broken, &Experiment { control_period: 1.3e-3, ..experiment.clone() });
+    let (message, _) = run(&mut Broken, &experiment.clone().with_control_period(1.3e-3));
     assert!(message.starts_with("control_period is 0.0013: a whole number of steps"), "{message}");
     let limits = Some(vec![1.0; 3]);
-    let (message, _) = run(&mut Broken, &Experiment { torque_limits: limits, ..experiment });
+    let (message, _) = run(&mut Broken, &experiment.with_torque_limits(limits));
     assert_eq!(message, "torque limits: got 3 values for 6 joints: give one for each");
 
     let message =

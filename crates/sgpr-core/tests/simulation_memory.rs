@@ -15,7 +15,7 @@ static MEMORY: Cap<System> = Cap::new(System, usize::MAX);
 fn main() {
     let robot = puma560();
     let drives: Vec<_> = puma560_drives().into_iter().map(|drive| drive.with_stiction(1.5, 0.05)).collect();
-    let mut controller = FeedForward { model: RigidBody::new(&robot), gains: Gains::uniform(6, 300.0, 10.0) };
+    let mut controller = FeedForward::new(RigidBody::new(&robot), Gains::uniform(6, 300.0, 10.0));
     for integrator in [Integrator::SemiImplicitEuler, Integrator::RungeKutta4] {
         let mut arm = Simulator::new(&robot, &drives, integrator, 1e-3).expect("valid drives");
         let (mut tau, zero) = ([0.0; 6], [0.0; 6]);

@@ -51,7 +51,7 @@ fn predictions(model: &TorqueModel, calls: usize) {
 
 fn identifications(robot: &Robot, log: &Recording, test: &Recording, fits: usize) {
     let effects = ["viscous_friction", "coulomb_friction", "rotor_inertia"].map(String::from).to_vec();
-    let options = IdentifyOptions { effects, ..IdentifyOptions::default() };
+    let options = IdentifyOptions::default().with_effects(effects);
     let mut bytes: Option<Vec<u8>> = None;
     let [before, after] = held(fits, |_| {
         let model = identify(robot, std::slice::from_ref(log), &options, &()).expect("a good log").0;
@@ -67,7 +67,7 @@ fn main() {
     let robot = Robot::from_urdf(data("demo/robot.urdf"), &UrdfOptions::default()).expect("bundled");
     let read = |name: &str| csv::read(data(&format!("demo/{name}.csv.gz")), &Default::default()).expect("bundled");
     let (log, test) = (read("train_1").slice(500..1500), read("test").slice(500..1500));
-    let options = IdentifyOptions { effects: vec!["viscous_friction".into()], ..IdentifyOptions::default() };
+    let options = IdentifyOptions::default().with_effects(vec!["viscous_friction".into()]);
     let model = identify(&robot, std::slice::from_ref(&log), &options, &()).expect("a good log").0;
     let (calls, fits) = (times("SGPR_SOAK_CALLS", 10_000), times("SGPR_SOAK_FITS", 4));
     predictions(&model, calls);

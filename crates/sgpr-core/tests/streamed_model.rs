@@ -22,7 +22,7 @@ fn refused(bytes: &[u8]) -> String {
 #[test]
 fn both_readers_give_the_same_bits() {
     let model = model();
-    let options = StreamOptions { rate_hz: Some(100.0), ..StreamOptions::default() };
+    let options = StreamOptions::default().with_rate_hz(Some(100.0));
     let read = StreamedModel::from_bytes(&model.to_bytes(), "file").expect("just written");
     assert_eq!(read.parameters(), model.parameters());
     assert_eq!(read.robot(), model.identified_robot());

@@ -1,4 +1,4 @@
-//! One meaning for each name of a type: the list of names that several modules define only gets shorter.
+//! Types of the interface: one meaning for each name, and room for fields that are not there yet. The lists only get shorter.
 #![allow(missing_docs)]
 
 use std::collections::BTreeMap;
@@ -27,6 +27,54 @@ const KNOWN: [(&str, &str); 19] = [
     ("Variable", "of a joint, and of any joint, both inside of the diagnosis"),
 ];
 
+/// Structs of which a caller may name all fields, since they are what the type is: no field will come. By name, `q` is not
+/// taken for `dq`.
+const WHOLE: [&str; 22] = [
+    "Block",
+    "Capsule",
+    "Channel",
+    "Controller",
+    "Frame",
+    "Gains",
+    "Input",
+    "JointState",
+    "LinkInertia",
+    "LinkMotion",
+    "LinkSample",
+    "Matrix3",
+    "MeasuredMotion",
+    "Measurement",
+    "NamedColumn",
+    "Pose",
+    "Samples",
+    "Setpoint",
+    "SimulatedMotion",
+    "Svd",
+    "TrajectorySamples",
+    "Vector3",
+];
+
+/// Structs of which all fields are public inside of the library, in none of its interfaces.
+const INSIDE: [&str; 17] = [
+    "Autoregression",
+    "BasisParts",
+    "Body",
+    "Buffers",
+    "Described",
+    "Dual",
+    "Evidence",
+    "FadingNoise",
+    "Implausible",
+    "JointExtent",
+    "JointRanges",
+    "Parts",
+    "RestJoint",
+    "Sampler",
+    "VarianceParts",
+    "WeightRows",
+    "WeightedKernel",
+];
+
 /// Files of a crate, but for those of tests.
 fn sources(folder: &Path, found: &mut Vec<PathBuf>) {
     let entries = std::fs::read_dir(folder).expect("a folder of sources");
@@ -53,21 +101,30 @@ fn defined(line: &str) -> Option<&str> {
     (counts && rest.starts_with(char::is_uppercase)).then(|| &rest[..end])
 }
 
+/// Folders of the sources of all crates that are there: beside this one in the repository, not in a package.
+fn folders() -> Vec<PathBuf> {
+    let own = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let beside = ["predict", "recording", "numeric", "gp"].map(|name| own.join(format!("../sgpr-{name}/src")));
+    std::iter::once(own.join("src")).chain(beside).collect()
+}
+
+/// Files and their text without tests and what only runs the examples of a readme.
+fn code() -> Vec<(PathBuf, String)> {
+    let mut files = vec![];
+    folders().iter().filter(|folder| folder.is_dir()).for_each(|folder| sources(folder, &mut files));
+    let code = |file: &PathBuf| {
+        let text = std::fs::read_to_string(file).expect("a source file");
+        let ends = ["#[cfg(test)]\nmod ", "#[cfg(doctest)]"];
+        ends.iter().fold(&*text, |code, end| code.split(end).next().unwrap_or_default()).to_string()
+    };
+    files.iter().map(|file| (file.clone(), code(file))).collect()
+}
+
 #[test]
 fn no_more_names_of_types_have_several_meanings() {
-    let own = Path::new(env!("CARGO_MANIFEST_DIR"));
-    // Beside it in the repository, not in a package.
-    let beside = ["predict", "recording", "numeric", "gp"].map(|name| own.join(format!("../sgpr-{name}/src")));
-    let folders: Vec<_> = std::iter::once(own.join("src")).chain(beside).collect();
-    let mut files = vec![];
-    folders.iter().filter(|folder| folder.is_dir()).for_each(|folder| sources(folder, &mut files));
+    let files = code();
     let mut places: BTreeMap<String, Vec<&Path>> = BTreeMap::new();
-    for file in &files {
-        let text = std::fs::read_to_string(file).expect("a source file");
-        // Neither tests nor what only runs the examples of a readme.
-        let code = ["#[cfg(test)]\nmod ", "#[cfg(doctest)]"]
-            .iter()
-            .fold(&*text, |code, end| code.split(end).next().unwrap_or_default());
+    for (file, code) in &files {
         for name in code.lines().filter_map(defined) {
             places.entry(name.into()).or_default().push(file);
         }
@@ -76,8 +133,48 @@ fn no_more_names_of_types_have_several_meanings() {
     places.retain(|_, files| files.len() > 1);
     let new: Vec<_> = places.iter().filter(|(name, _)| !KNOWN.iter().any(|(known, _)| known == name)).collect();
     assert!(new.is_empty(), "names that have a meaning already; take the field's word for this one: {new:#?}");
-    if folders.iter().all(|folder| folder.is_dir()) {
+    if folders().iter().all(|folder| folder.is_dir()) {
         let gone: Vec<_> = KNOWN.iter().filter(|(name, _)| !places.contains_key(*name)).collect();
         assert!(gone.is_empty(), "they have one meaning now; shorten the list: {gone:#?}");
+    }
+}
+
+/// Public structs of a file with public fields that no attribute keeps open for more.
+fn closed(code: &str) -> Vec<&str> {
+    let lines: Vec<&str> = code.lines().collect();
+    let open = |at: usize| {
+        let attributes = lines[..at].iter().rev().take_while(|line| line.starts_with("#[") || line.starts_with("///"));
+        attributes.into_iter().any(|line| *line == "#[non_exhaustive]")
+    };
+    let bare = |at: usize| {
+        lines[at].ends_with('{')
+            && lines[at..]
+                .iter()
+                .take_while(|line| **line != "}")
+                .any(|line| line.starts_with("    pub ") && line.contains(": "))
+    };
+    let structs = (0..lines.len()).filter(|&at| lines[at].starts_with("pub struct "));
+    structs.filter(|&at| bare(at) && !open(at)).filter_map(|at| defined(lines[at])).collect()
+}
+
+#[test]
+fn structs_of_the_interface_can_have_more_fields_later() {
+    assert_eq!(
+        closed("#[non_exhaustive]\npub struct A {\n    pub a: u8,\n}\npub struct B {\n    pub b: u8,\n}\n"),
+        ["B"]
+    );
+    let files = code();
+    let mut found: Vec<&str> = files.iter().flat_map(|(_, code)| closed(code)).collect();
+    found.sort_unstable();
+    found.dedup();
+    let listed = |name: &&str| WHOLE.contains(name) || INSIDE.contains(name);
+    let new: Vec<_> = found.iter().filter(|name| !listed(name)).collect();
+    assert!(
+        new.is_empty(),
+        "`#[non_exhaustive]`, with a constructor or setters: a new field breaks no caller {new:#?}"
+    );
+    if folders().iter().all(|folder| folder.is_dir()) {
+        let gone: Vec<_> = WHOLE.iter().chain(&INSIDE).filter(|name| !found.contains(name)).collect();
+        assert!(gone.is_empty(), "they are open now; shorten the lists: {gone:#?}");
     }
 }

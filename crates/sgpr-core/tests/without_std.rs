@@ -51,9 +51,9 @@ fn motion(n: usize) -> Vec<f64> {
 
 fn expected(model: &TorqueModel, motion: &[f64]) -> Vec<f64> {
     let n = model.robot().dof();
-    let stream = StreamOptions { rate_hz: Some(RATE_HZ), ..StreamOptions::default() };
+    let stream = StreamOptions::default().with_rate_hz(Some(RATE_HZ));
     let mut predictor = model.predictor(&stream).expect("streams");
-    let options = CompensationOptions { stream, ..CompensationOptions::default() };
+    let options = CompensationOptions::default().with_stream(stream);
     let mut compensation = Compensation::new(model, &options).expect("streams");
     let mut all = Vec::new();
     for sample in motion.chunks_exact(3 * n) {

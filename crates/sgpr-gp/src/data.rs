@@ -1,3 +1,5 @@
+use derive_setters::Setters;
+
 use super::GpError;
 
 /// Points and what was measured there.
@@ -92,7 +94,9 @@ pub(super) fn require_finite(what: &'static str, values: &[f64], columns: usize)
 }
 
 /// What an exact computation may use of the machine.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Setters)]
+#[setters(prefix = "with_")]
+#[non_exhaustive]
 pub struct Compute {
     /// Threads; results are the same for one and differ by rounding for another number.
     pub threads: usize,

@@ -38,6 +38,7 @@ pub struct GaussianProcess {
 
 /// Predicted signal.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Prediction {
     /// Mean, `[points, outputs]`, row-major.
     pub mean: Vec<f64>,

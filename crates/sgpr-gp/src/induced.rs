@@ -433,7 +433,8 @@ mod tests {
             assert!((a - b).norm_max() < 1e-10 * a.norm_max());
         }
         let over_two = Kernel::isotropic(Shape::Exponential, 2, 0.1);
-        let wrong = Covariance { correlated_noise: Some(over_two), ..covariance };
+        let mut wrong = covariance;
+        wrong.correlated_noise = Some(over_two);
         let error = Evidence::new(&data, &wrong, &x, &compute).expect_err("no Markov chain");
         assert!(error.to_string().contains("not exponential over one input"), "{error}");
     }

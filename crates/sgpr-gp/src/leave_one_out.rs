@@ -3,6 +3,7 @@ use sgpr_numeric::internal::intervals::{HALF_INTERVAL_95, WITHIN_ONE_DEVIATION};
 
 /// Predictions of every point by the others, with the hyperparameters of all.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct LeaveOneOut {
     /// Mean, `[points, outputs]`, row-major.
     pub mean: Vec<f64>,
@@ -14,6 +15,7 @@ pub struct LeaveOneOut {
 
 /// What standard deviations of a measurement have to be multiplied by so that intervals hold what they say.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Calibration {
     /// To give half of the interval that 68 % of the errors fall into.
     pub deviation: f64,

@@ -1,3 +1,4 @@
+use derive_setters::Setters;
 use faer::Mat;
 use faer::linalg::triangular_solve::{solve_lower_triangular_in_place, solve_upper_triangular_in_place};
 use sgpr_predict::gp::{GpPredictor, Precision};
@@ -10,7 +11,9 @@ use super::subset::partial_factor;
 use super::{Data, GaussianProcess, GpError, InducedProcess, KernelError, SparseGaussianProcess};
 
 /// What a [`GpPredictor`] keeps.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Setters)]
+#[setters(prefix = "with_")]
+#[non_exhaustive]
 pub struct PredictorOptions {
     /// Arithmetic.
     pub precision: Precision,
@@ -45,7 +48,7 @@ impl GaussianProcess {
     /// let kernel = Kernel::isotropic(Shape::Matern52, 1, 1.0).scaled(1.0);
     /// let data = Data::new(vec![0.0, 1.0, 2.0], 1, vec![0.0, 1.0, 0.5], 1)?;
     /// let gp = GaussianProcess::fit(data, Covariance::new(kernel, 1e-4), &Compute::default())?;
-    /// let mut predictor = gp.predictor(PredictorOptions { variance_rank: None, ..Default::default() })?;
+    /// let mut predictor = gp.predictor(PredictorOptions::default().with_variance_rank(None))?;
     /// let (mean, variance) = predictor.mean_and_variance(&[50.0]);
     /// assert!(mean[0].abs() < 1e-9 && predictor.is_far(variance));
     /// # Ok::<(), sgpr_gp::GpError>(())

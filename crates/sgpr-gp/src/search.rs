@@ -1,3 +1,4 @@
+use derive_setters::Setters;
 use faer::MatRef;
 
 use super::kernels::spreads;
@@ -7,7 +8,9 @@ use sgpr_numeric::internal::Random;
 use sgpr_numeric::progress::{Interrupted, Progress};
 
 /// How hyperparameters are searched for.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Setters)]
+#[setters(prefix = "with_")]
+#[non_exhaustive]
 pub struct SearchOptions {
     /// Starts: the given covariance, and others around it.
     pub starts: usize,
@@ -64,6 +67,7 @@ impl SearchOptions {
 
 /// What a search found.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct SearchReport {
     /// The covariance with the best hyperparameters.
     pub covariance: Covariance,

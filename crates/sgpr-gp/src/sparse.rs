@@ -29,6 +29,7 @@ pub struct SparseBound<'a> {
 
 /// Derivatives of the bound.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct SparseGradient {
     /// By [`Covariance::theta`].
     pub theta: Vec<f64>,

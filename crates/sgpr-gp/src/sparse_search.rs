@@ -1,3 +1,5 @@
+use derive_setters::Setters;
+
 use super::minimise::{SearchStatus, StoppingCriteria, minimise};
 use super::search::{SearchRun, SubsetSearch, at_bounds, log_prior};
 use super::subset::informative_points;
@@ -6,7 +8,9 @@ use sgpr_numeric::internal::Random;
 use sgpr_numeric::progress::{Interrupted, Progress};
 
 /// How a sparse process is fitted.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Setters)]
+#[setters(prefix = "with_")]
+#[non_exhaustive]
 pub struct SparseOptions {
     /// Budget: inducing points. Time grows with their square, memory for the data with their number.
     pub inducing: usize,
@@ -24,6 +28,7 @@ impl Default for SparseOptions {
 
 /// What was chosen within the budget.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct SparseReport {
     /// The covariance with the best hyperparameters.
     pub covariance: Covariance,

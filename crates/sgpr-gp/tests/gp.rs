@@ -168,7 +168,7 @@ fn gradients_are_those_of_finite_differences() {
     let (value, gradient) = likelihood.value_and_gradient(&covariance).expect("well-conditioned");
     assert!((value - likelihood.value(&covariance).expect("again")).abs() < 1e-12 * value.abs());
     check_gradient(&mut likelihood, &covariance, value, &gradient);
-    let compute = Compute { threads: 2, ..Compute::default() };
+    let compute = Compute::default().with_threads(2);
     let parallel = Likelihood::new(&data, &compute).expect("small").value_and_gradient(&covariance).expect("same");
     assert!(largest_difference(&gradient, &parallel.1) < 1e-10 * (1.0 + value.abs()));
 }
@@ -249,7 +249,7 @@ fn the_search_reaches_the_best_of_twenty_starts_of_scipy() {
         };
         let start = Covariance::new(kernel.scaled(1.0), 1e-2);
         let bounds = reference_bounds(&start);
-        let options = SearchOptions { bounds: Some(bounds.clone()), subset: 50, ..SearchOptions::default() };
+        let options = SearchOptions::default().with_bounds(Some(bounds.clone())).with_subset(50);
         let found = search(&data, &start, &options, &Compute::default(), &()).expect("good data");
         let value = expected["log_marginal_likelihood"].as_f64().expect("a number");
         assert!((found.log_marginal_likelihood - value).abs() < 1e-3, "{name}: {found:?}, {value}");
@@ -286,7 +286,7 @@ fn a_stopped_search_keeps_the_best_so_far_and_a_prior_keeps_the_noise_up() {
     let data = reference_data(&reference);
     let start = Covariance::new(Kernel::ard(Shape::SquaredExponential, &[1.0; 3]).scaled(1.0), 1e-2);
     let before = Likelihood::new(&data, &Compute::default()).expect("small").value(&start).expect("good start");
-    let options = SearchOptions { starts: 1, ..SearchOptions::default() };
+    let options = SearchOptions::default().with_starts(1);
     let stop = StopAfter(AtomicUsize::new(6));
     let stopped = search(&data, &start, &options, &Compute::default(), &stop).expect("seven evaluations");
     assert_eq!((stopped.status, stopped.evaluations), (SearchStatus::Stopped, 8));
@@ -298,8 +298,7 @@ fn a_stopped_search_keeps_the_best_so_far_and_a_prior_keeps_the_noise_up() {
     let start = Covariance::new(Kernel::isotropic(Shape::SquaredExponential, 1, 1.0).scaled(1.0), 1e-3);
     let free = search(&smooth, &start, &options, &Compute::default(), &()).expect("good data");
     let priors = vec![None, None, Some((1e-3f64.ln(), 0.5))];
-    let held =
-        search(&smooth, &start, &SearchOptions { priors, ..options }, &Compute::default(), &()).expect("good data");
+    let held = search(&smooth, &start, &options.with_priors(priors), &Compute::default(), &()).expect("good data");
     assert!(free.covariance.noise_variance < 1e-6, "{free:?}");
     assert!(held.covariance.noise_variance > 1e-5, "{held:?}");
 }
@@ -342,7 +341,7 @@ fn gradients_of_the_sparse_bound_are_those_of_finite_differences() {
         let difference = (at(1.0) - at(-1.0)) / (2.0 * step);
         assert!((gradient.inducing[k] - difference).abs() < tolerance, "{k}: {} {difference}", gradient.inducing[k]);
     }
-    let parallel = SparseBound::new(&data, &Compute { threads: 2, ..Compute::default() });
+    let parallel = SparseBound::new(&data, &Compute::default().with_threads(2));
     let parallel = parallel.value_and_gradient(&covariance, &inducing).expect("good");
     assert!(largest_difference(&gradient.theta, &parallel.1.theta) < tolerance);
 }
@@ -416,15 +415,15 @@ fn a_sparse_search_keeps_to_its_budget_and_moving_the_points_gains() {
     let y = x.iter().enumerate().map(|(k, x)| x.sin() + 0.1 * ((k * 7919 % 1000) as f64 / 500.0 - 1.0)).collect();
     let data = Data::new(x, 1, y, 1).expect("good data");
     let start = Covariance::new(Kernel::isotropic(Shape::SquaredExponential, 1, 0.5).scaled(0.5), 0.1);
-    let search = SearchOptions { starts: 1, subset: 200, ..SearchOptions::default() };
-    let options = SparseOptions { inducing: 9, move_inducing: false, search };
+    let search = SearchOptions::default().with_starts(1).with_subset(200);
+    let options = SparseOptions::default().with_inducing(9).with_move_inducing(false).with_search(search);
     let run = |options: &SparseOptions| search_sparse(&data, &start, options, &Compute::default(), &()).expect("good");
     let (gp, report) = run(&options);
     assert!(report.chosen.len() <= 9 && gp.inducing().len() == report.chosen.len());
     assert_eq!((gp.bound(), report.status), (report.bound, SearchStatus::Converged));
     // The noise is uniform between -0.1 and 0.1.
     assert!((gp.covariance().noise_variance / (0.01 / 3.0) - 1.0).abs() < 0.1, "{report:?}");
-    let (moved, _) = run(&SparseOptions { move_inducing: true, ..options.clone() });
+    let (moved, _) = run(&options.clone().with_move_inducing(true));
     assert!(moved.bound() >= gp.bound() - 1e-6, "{} {}", moved.bound(), gp.bound());
     let at = [1.0, 4.0, 7.7];
     let prediction = moved.predict(&at, true).expect("good");
@@ -432,8 +431,7 @@ fn a_sparse_search_keeps_to_its_budget_and_moving_the_points_gains() {
         assert!((prediction.mean[k] - x.sin()).abs() < 0.02);
     }
 
-    let none =
-        search_sparse(&data, &start, &SparseOptions { inducing: 0, ..options.clone() }, &Compute::default(), &());
+    let none = search_sparse(&data, &start, &options.clone().with_inducing(0), &Compute::default(), &());
     assert!(matches!(none, Err(GpError::InducingPoints { found: 0, points: 3000 })));
     let correlated = start.clone().with_correlated_noise(Kernel::isotropic(Shape::Exponential, 1, 1.0));
     let error = SparseBound::new(&data, &Compute::default()).value(&correlated, &[0.0]).expect_err("not possible");
@@ -452,8 +450,8 @@ fn a_sparse_search_learns_within_few_evaluations() {
     let data = Data::new(x.clone(), inputs, y.collect(), 1).expect("good data");
     let kernel = Kernel::ard(Shape::SquaredExponential, &[1.0; 18]).scaled(1.0).fitted_to(&x, inputs, 1.0);
     let start = Covariance::new(kernel, 0.01);
-    let search = SearchOptions { starts: 1, subset: 200, evaluations: 3, ..SearchOptions::default() };
-    let options = SparseOptions { inducing: 30, move_inducing: false, search };
+    let search = SearchOptions::default().with_starts(1).with_subset(200).with_evaluations(3);
+    let options = SparseOptions::default().with_inducing(30).with_move_inducing(false).with_search(search);
     let (gp, report) = search_sparse(&data, &start, &options, &Compute::default(), &()).expect("good");
     assert!(report.evaluations <= 3, "{report:?}");
     let at: Vec<f64> = (0..500).flat_map(|k| x[(k * 39 + 5) * inputs..][..inputs].to_vec()).collect();
@@ -562,7 +560,7 @@ fn a_variance_of_lower_rank_is_never_too_small_and_says_how_close_it_is() {
     let exact = gp.predict(&queries, true).expect("finite");
     let mut before = f64::INFINITY;
     for (rank, precision) in [(20, Precision::Double), (160, Precision::Double), (160, Precision::Single)] {
-        let options = PredictorOptions { precision, variance_rank: Some(rank), ..PredictorOptions::default() };
+        let options = PredictorOptions::default().with_precision(precision).with_variance_rank(Some(rank));
         let mut predictor = gp.predictor(options).expect("small");
         let rounding = if precision == Precision::Single { 1e-4 } else { 1e-9 };
         let mut excess: f64 = 0.0;
@@ -580,7 +578,7 @@ fn a_variance_of_lower_rank_is_never_too_small_and_says_how_close_it_is() {
     }
     // A fifth of the number of measurements is enough for a log: the deviation of a measurement is within 1 %.
     assert!(before < 0.01 * 2.0 * 0.01, "{before}");
-    let all = gp.predictor(PredictorOptions { variance_rank: None, ..Default::default() }).expect("small");
+    let all = gp.predictor(PredictorOptions::default().with_variance_rank(None)).expect("small");
     assert_eq!((all.error(), all.variance_error()), (0.0, 0.0));
 }
 
@@ -602,7 +600,8 @@ fn the_mean_alone_is_the_mean_of_any_number_of_points() {
             (Precision::Double, true),
             (Precision::Single, true),
         ] {
-            let options = PredictorOptions { precision, variance_rank: None, compact };
+            let options =
+                PredictorOptions::default().with_precision(precision).with_variance_rank(None).with_compact(compact);
             let mut predictor = gp.predictor(options).expect("small");
             // What is stated is measured at other points; in double precision only rounding is left. Of a rough kernel the
             // distance to a close point counts, which is the root of what rounding leaves of a difference of squares.
@@ -635,7 +634,7 @@ fn a_compact_predictor_is_as_close_as_it_says() {
     // Two percent of the standard deviation of the noise, half a percent of its variance.
     let (of_mean, of_variance) = (2e-3, 5e-5);
     for precision in [Precision::Double, Precision::Single] {
-        let options = PredictorOptions { precision, variance_rank: None, compact: true };
+        let options = PredictorOptions::default().with_precision(precision).with_variance_rank(None).with_compact(true);
         let mut predictor = gp.predictor(options).expect("small");
         let (mut mean_error, mut variance_error) = (0.0, 0.0);
         for ((x, mean), variance) in queries.chunks_exact(4).zip(&exact.mean).zip(&exact.variance) {
@@ -650,7 +649,7 @@ fn a_compact_predictor_is_as_close_as_it_says() {
     }
     let turning = Covariance::new(kernel.with_period(1, 2.0), 0.01);
     let gp = GaussianProcess::fit(data, turning, &Compute::default()).expect("small");
-    let compact = PredictorOptions { compact: true, ..PredictorOptions::default() };
+    let compact = PredictorOptions::default().with_compact(true);
     let error = gp.predictor(compact).expect_err("no grid for a cosine");
     assert!(error.to_string().contains("periodic input"), "{error}");
 }

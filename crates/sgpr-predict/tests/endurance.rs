@@ -85,7 +85,7 @@ fn predictor(findings: Vec<Term>) -> Predictor {
     let mut parameters = robot.standard_parameters();
     parameters.extend((0..effects.len() * robot.dof()).map(|k| 0.3 + 0.05 * k as f64));
     let model = StreamedModel::with_parameters(&robot, &effects, parameters).expect("known").with_terms(findings);
-    model.predictor(&StreamOptions { rate_hz: Some(RATE_HZ), ..StreamOptions::default() }).expect("streams")
+    model.predictor(&StreamOptions::default().with_rate_hz(Some(RATE_HZ))).expect("streams")
 }
 
 fn motion() -> Vec<Sample> {

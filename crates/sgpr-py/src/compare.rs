@@ -7,6 +7,7 @@ use numpy::PyArrayDyn;
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+use pythonize::{depythonize, pythonize};
 use sgpr_core::identification::Row;
 use sgpr_core::model::{self as core, TorqueModel};
 use sgpr_core::motion::{self, Motion};
@@ -118,7 +119,8 @@ impl Compared {
 impl Comparison {
     /// As the core made it.
     pub fn new(py: Python<'_>, comparison: core::Comparison, of: Compared) -> PyResult<Self> {
-        let core::Comparison { joints, relative_error_percent, relative_error_with_rests_percent, logs } = comparison;
+        let core::Comparison { joints, relative_error_percent, relative_error_with_rests_percent, logs, .. } =
+            comparison;
         let dof = joints.len();
         let logs = logs.into_iter().map(|inner| Py::new(py, LogResidual { inner, dof })).collect::<PyResult<_>>()?;
         Ok(Self { joints, relative_error_percent, relative_error_with_rests_percent, logs, of })
@@ -258,7 +260,7 @@ impl Comparison {
         let py = slf.py();
         let own = slf.get();
         let of = (Model { inner: own.of.model.clone(), report: None }, as_python(&own.of.logs));
-        let joints = own.joints.iter().map(|joint| joint_parts(joint.clone())).collect();
+        let joints = pythonize(py, &own.joints)?;
         let errors = (own.relative_error_percent, own.relative_error_with_rests_percent);
         let logs = own.logs.iter().map(|log| log_parts(log.bind(py))).collect::<PyResult<_>>()?;
         Ok((slf.get_type().getattr("_from_parts")?, (joints, errors, logs, of)))
@@ -267,14 +269,14 @@ impl Comparison {
     #[staticmethod]
     fn _from_parts(
         py: Python<'_>,
-        joints: Vec<JointParts>,
+        joints: &Bound<'_, PyAny>,
         errors: (f64, f64),
         logs: Vec<Bound<'_, PyDict>>,
         of: (PyRef<'_, Model>, Bound<'_, PyAny>),
     ) -> PyResult<Self> {
         let (model, recordings) = of;
         let of = Compared { model: model.inner.clone(), logs: logs::LogSet::whole(&self::recordings(&recordings)?) };
-        let joints: Vec<core::JointComparison> = joints.into_iter().map(joint_of).collect();
+        let joints: Vec<core::JointComparison> = depythonize(joints)?;
         let dof = joints.len();
         let residual = |log: &Bound<'_, PyDict>| Py::new(py, LogResidual { inner: log_of(log, dof)?, dof });
         let logs = logs.iter().map(residual).collect::<PyResult<_>>()?;
@@ -301,49 +303,7 @@ impl Comparison {
 }
 
 /// What builds a comparison again.
-type Parts<'py> = (Vec<JointParts>, (f64, f64), Vec<Bound<'py, PyDict>>, (Model, Vec<Recording>));
-/// Joint, unit, samples; the errors; the log of the largest one.
-type JointParts = ((String, String, usize), [f64; 11], String);
-
-fn joint_parts(joint: core::JointComparison) -> JointParts {
-    let errors = [
-        joint.rmse,
-        joint.fit_percent,
-        joint.r2,
-        joint.relative_error_percent,
-        joint.largest_error,
-        joint.largest_error_time,
-        joint.rmse_zero,
-        joint.rmse_gravity,
-        joint.rmse_full_band,
-        joint.rmse_with_rests,
-        joint.relative_error_with_rests_percent,
-    ];
-    ((joint.joint, joint.unit.into(), joint.samples), errors, joint.largest_error_log)
-}
-
-fn joint_of(((joint, unit, samples), errors, largest_error_log): JointParts) -> core::JointComparison {
-    let [rmse, fit_percent, r2, relative_error_percent, largest_error, largest_error_time, others @ ..] = errors;
-    let [rmse_zero, rmse_gravity, rmse_full_band, rmse_with_rests, relative_error_with_rests_percent] = others;
-    core::JointComparison {
-        joint,
-        unit: if unit == "N" { "N" } else { "N·m" },
-        samples,
-        rmse,
-        fit_percent,
-        r2,
-        relative_error_percent,
-        largest_error,
-        largest_error_log,
-        largest_error_time,
-        rmse_zero,
-        rmse_gravity,
-        rmse_full_band,
-        rmse_with_rests,
-        relative_error_with_rests_percent,
-    }
-}
-
+type Parts<'py> = (Bound<'py, PyAny>, (f64, f64), Vec<Bound<'py, PyDict>>, (Model, Vec<Recording>));
 fn log_parts<'py>(log: &Bound<'py, LogResidual>) -> PyResult<Bound<'py, PyDict>> {
     let py = log.py();
     let inner = &log.get().inner;
@@ -392,18 +352,15 @@ fn log_of(dict: &Bound<'_, PyDict>, dof: usize) -> PyResult<core::LogResidual> {
         channels.push(Channel { name: name.extract()?, values });
     }
     let tau = if item("tau")?.is_none() { None } else { Some(numbers("tau")?) };
-    let motion = Motion {
-        source: item("source")?.extract()?,
-        rate_hz: item("rate_hz")?.extract()?,
-        time,
-        q: numbers("q")?,
-        dq: numbers("dq")?,
-        ddq: numbers("ddq")?,
-        tau,
-        channels,
-        inner: flags("inner", samples)?,
-        use_as: rows.into_iter().map(row_of).collect(),
-    };
+    let mut motion = Motion::default();
+    motion.source = item("source")?.extract()?;
+    motion.rate_hz = item("rate_hz")?.extract()?;
+    motion.time = time;
+    [motion.q, motion.dq, motion.ddq] = [numbers("q")?, numbers("dq")?, numbers("ddq")?];
+    motion.tau = tau;
+    motion.channels = channels;
+    motion.inner = flags("inner", samples)?;
+    motion.use_as = rows.into_iter().map(row_of).collect();
     let processing = motion::Processing::from_json(&item("processing")?.extract::<String>()?).map_err(invalid)?;
     core::LogResidual::new(motion, numbers("predicted")?, &processing).map_err(IntoPyErr::into_py_err)
 }
@@ -430,7 +387,7 @@ pub struct JointComparison {
     /// Joint.
     joint: String,
     /// Unit of the torque.
-    unit: &'static str,
+    unit: String,
     /// Samples counted.
     samples: usize,
     /// Root mean square of measured minus predicted, N·m (N).

@@ -88,7 +88,11 @@ impl MomentumObserver {
     ) -> PyResult<Self> {
         let deviation = list("deviation", deviation)?;
         let dof = model.inner.robot().dof();
-        let mut options = core::ObserverOptions { rate_hz, bandwidth_hz, false_alarms_per_hour, deviation };
+        let mut options = core::ObserverOptions::default()
+            .with_rate_hz(rate_hz)
+            .with_bandwidth_hz(bandwidth_hz)
+            .with_false_alarms_per_hour(false_alarms_per_hour)
+            .with_deviation(deviation);
         let logs = without_contact.map(recordings).transpose()?;
         if logs.is_some() && options.deviation.is_empty() {
             // Whatever the fit says, the logs say it better.
@@ -127,7 +131,7 @@ impl MomentumObserver {
     /// Index of the joint that is farthest beyond its threshold, its torque and its threshold; None if none is.
     #[getter]
     fn alarm(&self) -> Option<(usize, f64, f64)> {
-        self.lock().alarm().map(|core::Alarm { joint, torque, threshold }| (joint, torque, threshold))
+        self.lock().alarm().map(|core::Alarm { joint, torque, threshold, .. }| (joint, torque, threshold))
     }
 
     /// Forgets all samples.
@@ -202,7 +206,11 @@ impl Compensation {
     ) -> PyResult<Self> {
         let stream = stream_options(rate_hz, "feed_forward", keep)?;
         let limits = list("limits", limits)?;
-        let options = core::CompensationOptions { friction, transition_speed, limits, stream };
+        let options = core::CompensationOptions::default()
+            .with_friction(friction)
+            .with_transition_speed(transition_speed)
+            .with_limits(limits)
+            .with_stream(stream);
         let inner = detached(py, || core::Compensation::new(&*model.inner, &options));
         let inner = inner.map_err(IntoPyErr::into_py_err)?;
         Ok(Self { inner: Mutex::new(inner), dof: model.inner.robot().dof() })

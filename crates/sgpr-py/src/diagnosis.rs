@@ -81,7 +81,7 @@ pub fn diagnose(
     let test = test.map(recordings).transpose()?.unwrap_or_default();
     let (catalogue, own) = catalogue(effects)?;
     let inner = model.get().inner.clone();
-    let options = core::DiagnosisOptions { catalogue, by_hand: add.unwrap_or_default() };
+    let options = core::DiagnosisOptions::default().with_catalogue(catalogue).with_by_hand(add.unwrap_or_default());
     let refused = Mutex::new(None);
     let tell = |candidates: &[core::Finding]| {
         let Some(ranked) = &ranked else { return };

@@ -123,7 +123,7 @@ fn bounds(value: &Bound<'_, PyAny>) -> PyResult<PhysicalBounds> {
     for (name, limits) in items("bounds", value)? {
         let label = format!("bounds['{name}']");
         if limits.is_instance_of::<PyDict>() {
-            let mut link = LinkBounds { joint: name, mass: None, centre: None };
+            let mut link = LinkBounds::new(name);
             for (key, limit) in items(&label, &limits)? {
                 let label = format!("{label}['{key}']");
                 match key.as_str() {
@@ -147,7 +147,9 @@ fn bounds(value: &Bound<'_, PyAny>) -> PyResult<PhysicalBounds> {
         } else {
             let [lowest, highest] = interval(&label, &limits)?;
             let finite = |limit: f64| limit.is_finite().then_some(limit);
-            bounds.parameters.push(ParameterBounds { name, lowest: finite(lowest), highest: finite(highest) });
+            bounds
+                .parameters
+                .push(ParameterBounds::new(name).with_lowest(finite(lowest)).with_highest(finite(highest)));
         }
     }
     Ok(bounds)

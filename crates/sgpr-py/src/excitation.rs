@@ -6,10 +6,10 @@ use std::sync::{Mutex, PoisonError};
 use numpy::PyArrayDyn;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+use pythonize::{depythonize, pythonize};
 use sgpr_core::effects::{Entry, by_name};
 use sgpr_core::excitation::{
-    self as core, Basis, Block, Criterion, ExciteOptions, MotionLimits, NominalEffects, SearchStep, Status,
-    Surroundings,
+    self as core, Basis, Block, Criterion, ExciteOptions, MotionLimits, NominalEffects, Status, Surroundings,
 };
 use sgpr_core::identification::{BaseParameters, Forecast, ParameterSet};
 use sgpr_core::model::{Term, TorqueModel};
@@ -26,8 +26,8 @@ use crate::robot::Robot;
 
 type Array<'py> = Bound<'py, PyArrayDyn<f64>>;
 
-/// Robot, functions as JSON, start and coefficients.
-type Pickled = (Robot, String, Vec<f64>, Vec<f64>);
+/// Robot, and the motion as dicts and lists.
+type Pickled<'py> = (Robot, Bound<'py, PyAny>);
 
 /// A motion of all joints, at every time: sum of functions with coefficients. Never changes.
 ///
@@ -267,24 +267,19 @@ impl Trajectory {
         detached(py, || samples.write_mcap(&self.robot, topic, path)).map_err(IntoPyErr::into_py_err)
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Pickled)> {
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Pickled<'py>)> {
         let Self { inner, robot } = slf.get();
-        let basis = serde_json::to_string(inner.basis()).map_err(|error| invalid(error.to_string()))?;
-        let parts = (robot.clone().into(), basis, inner.start().to_vec(), inner.coefficients().to_vec());
-        Ok((slf.get_type().getattr("_from_parts")?, parts))
+        Ok((slf.get_type().getattr("_from_parts")?, (robot.clone().into(), pythonize(slf.py(), inner)?)))
     }
 
     #[staticmethod]
-    fn _from_parts(robot: &Robot, basis: &str, start: Vec<f64>, coefficients: Vec<f64>) -> PyResult<Self> {
-        let basis: Basis =
-            serde_json::from_str(basis).map_err(|error| invalid(format!("not a trajectory: {error}")))?;
-        let robot = robot.inner.clone();
-        let fits = start.len() == robot.dof() && start.len().checked_mul(basis.len()) == Some(coefficients.len());
-        if !fits || start.iter().chain(&coefficients).any(|number| !number.is_finite()) {
-            return Err(invalid("not a trajectory of this robot: its parts do not belong together"));
+    fn _from_parts(robot: &Robot, trajectory: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let inner: core::Trajectory =
+            depythonize(trajectory).map_err(|error| invalid(format!("not a trajectory: {error}")))?;
+        if inner.start().len() != robot.inner.dof() {
+            return Err(invalid("not a trajectory of this robot: it has another number of joints"));
         }
-        let inner = core::Trajectory::new(basis, start, coefficients).map_err(IntoPyErr::into_py_err)?;
-        Ok(Self { inner, robot })
+        Ok(Self { inner, robot: robot.inner.clone() })
     }
 
     fn __repr__(&self) -> String {
@@ -329,24 +324,8 @@ fn named(nominal: &NominalEffects) -> Nominal {
     (nominal.names().into_iter().zip(nominal.values()).collect(), nominal.hidden().to_vec())
 }
 
-/// The motion; criterion, its value, share of a limit and its name, value of each search, whether it was interrupted; the
-/// rest.
-type Found = (
-    Trajectory,
-    (String, f64, f64, String, Vec<f64>, bool),
-    Revealed,
-    Largest,
-    Vec<(usize, usize, f64)>,
-    Option<Nominal>,
-    Seconds,
-);
-
-/// Seconds, deviations and noise of a forecast.
-type Seconds = (Vec<f64>, Vec<Vec<f64>>, Vec<f64>);
-/// Conditions, those of the links, log determinant, singular values, rank, what is not told apart.
-type Revealed = ([f64; 3], Vec<f64>, f64, Vec<f64>, usize, Vec<String>);
-/// Positions, speeds, accelerations, torques.
-type Largest = (Vec<[f64; 2]>, Vec<f64>, Vec<f64>, Vec<f64>);
+/// Robot, criterion, what was found as dicts and lists, nominal values.
+type Found<'py> = (Robot, &'static str, Bound<'py, PyAny>, Option<Nominal>);
 
 #[pymethods]
 impl Excitation {
@@ -439,77 +418,31 @@ impl Excitation {
         slf.py().import("sgpr._views")?.call_method1("excitation_html", (slf,))
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Found)> {
-        let own = slf.get();
-        let core::Excitation { value, report, peaks, forecast, utilisation, tightest, history, values, status, .. } =
-            own.inner.clone();
-        let criterion = own.criterion.name().to_string();
-        let conditions = [report.condition, report.scaled_condition, report.frobenius_condition];
-        let parts = (
-            own.trajectory(),
-            (criterion, value, utilisation, tightest, values, status == Status::Interrupted),
-            (
-                conditions,
-                report.link_conditions,
-                report.log_determinant,
-                report.singular_values,
-                report.rank,
-                report.not_told_apart,
-            ),
-            (peaks.position, peaks.velocity, peaks.acceleration, peaks.torque),
-            history.into_iter().map(|step| (step.start, step.evaluation, step.value)).collect(),
-            own.nominal.clone(),
-            (forecast.seconds, forecast.deviation, forecast.noise),
-        );
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Found<'py>)> {
+        let Self { inner, criterion, nominal, robot } = slf.get();
+        let parts = (robot.clone().into(), criterion.name(), pythonize(slf.py(), inner)?, nominal.clone());
         Ok((slf.get_type().getattr("_from_parts")?, parts))
     }
 
     #[staticmethod]
     fn _from_parts(
-        trajectory: PyRef<'_, Trajectory>,
-        search: (String, f64, f64, String, Vec<f64>, bool),
-        revealed: Revealed,
-        largest: Largest,
-        history: Vec<(usize, usize, f64)>,
+        robot: &Robot,
+        criterion: &str,
+        found: &Bound<'_, PyAny>,
         nominal: Option<Nominal>,
-        amount: Seconds,
     ) -> PyResult<Self> {
-        let (criterion, value, utilisation, tightest, values, interrupted) = search;
-        let (seconds, deviation, noise) = amount;
-        let (conditions, link_conditions, log_determinant, singular_values, rank, not_told_apart) = revealed;
-        let (position, velocity, acceleration, torque) = largest;
-        let criterion = choice("criterion", &criterion, &Criterion::ALL.map(|known| (known.name(), known)))?;
-        let n = trajectory.robot.dof();
-        let lengths = [position.len(), velocity.len(), acceleration.len(), torque.len(), noise.len()];
-        if lengths != [n; 5] || deviation.len() != seconds.len() || deviation.iter().any(|joints| joints.len() != n) {
+        let criterion = choice("criterion", criterion, &Criterion::ALL.map(|known| (known.name(), known)))?;
+        let inner: core::Excitation =
+            depythonize(found).map_err(|error| invalid(format!("not what was pickled: {error}")))?;
+        let n = robot.inner.dof();
+        let core::Peaks { position, velocity, acceleration, torque, .. } = &inner.peaks;
+        let Forecast { seconds, deviation, noise, .. } = &inner.forecast;
+        let joints = [inner.trajectory.start().len(), velocity.len(), acceleration.len(), torque.len(), noise.len()];
+        let fits = joints == [n; 5] && position.len() == n && deviation.len() == seconds.len();
+        if !fits || deviation.iter().any(|joints| joints.len() != n) {
             return Err(invalid("not what was pickled: its parts do not belong together"));
         }
-        let [condition, scaled_condition, frobenius_condition] = conditions;
-        let inner = core::Excitation {
-            trajectory: trajectory.inner.clone(),
-            value,
-            report: core::ExcitationReport {
-                condition,
-                scaled_condition,
-                frobenius_condition,
-                link_conditions,
-                log_determinant,
-                singular_values,
-                rank,
-                not_told_apart,
-            },
-            peaks: core::Peaks { position, velocity, acceleration, torque },
-            forecast: Forecast { seconds, deviation, noise, advice: vec![] },
-            utilisation,
-            tightest,
-            history: history
-                .into_iter()
-                .map(|(start, evaluation, value)| SearchStep { start, evaluation, value })
-                .collect(),
-            values,
-            status: if interrupted { Status::Interrupted } else { Status::Finished },
-        };
-        Ok(Self { inner, criterion, nominal, robot: trajectory.robot.clone() })
+        Ok(Self { inner, criterion, nominal, robot: robot.inner.clone() })
     }
 
     fn __repr__(&self) -> String {
@@ -857,6 +790,7 @@ impl<'py> Keywords<'py> {
         };
         let known = MotionLimits::of_robot_or(robot, &acceleration, position, velocity);
         let known = known.map_err(IntoPyErr::into_py_err)?;
-        Ok(MotionLimits { torque: torque.or(known.torque), ..known })
+        let torque = torque.or_else(|| known.torque.clone());
+        Ok(known.with_torque(torque))
     }
 }

@@ -400,7 +400,8 @@ impl FitOptions {
             let gp = SparseGaussianProcess::fit(data, start, points, &compute)?;
             return Ok((Process::Sparse(gp), Report::default()));
         }
-        let options = SparseOptions { inducing, move_inducing, search };
+        let options =
+            SparseOptions::default().with_inducing(inducing).with_move_inducing(move_inducing).with_search(search);
         let (gp, found) = core::search_sparse(data, &start, &options, &compute, progress)?;
         let report = Report {
             status: Some(found.status),
@@ -441,7 +442,7 @@ impl FitOptions {
 /// What a predictor keeps, as the methods `predictor` are given it.
 pub fn predictor_options(single: bool, variance_rank: Option<usize>, compact: bool) -> PredictorOptions {
     let precision = if single { Precision::Single } else { Precision::Double };
-    PredictorOptions { precision, variance_rank, compact }
+    PredictorOptions::default().with_precision(precision).with_variance_rank(variance_rank).with_compact(compact)
 }
 
 /// The process that `FittedProcess.__reduce__` described.
@@ -458,7 +459,7 @@ pub fn restore_process(
     let covariance: Covariance =
         serde_json::from_str(covariance).map_err(|error| invalid(format!("not a Gaussian process: {error}")))?;
     let inducing = inducing.map(|given| points("inducing", given)).transpose()?.map(|points| points.values().to_vec());
-    let compute = Compute { threads: threads.clamp(1, 1024), ..Compute::default() };
+    let compute = Compute::default().with_threads(threads.clamp(1, 1024));
     let process = detached(py, || match inducing {
         Some(inducing) => SparseGaussianProcess::fit(&data, covariance, inducing, &compute).map(Process::Sparse),
         None => GaussianProcess::fit(data.clone(), covariance, &compute).map(Process::Exact),

@@ -455,7 +455,7 @@ pub fn cutoff_influence(
     let influences =
         listen(py, progress, |progress| core::cutoff_influence(robot, &recordings, &options, model, progress))?;
     let wrapped = influences.into_iter().map(|influence| {
-        let core::CutoffInfluence { cutoff_hz, largest_change, typical_change, model } = influence;
+        let core::CutoffInfluence { cutoff_hz, largest_change, typical_change, model, .. } = influence;
         let model = Py::new(py, Model { inner: Arc::new(model), report: None })?;
         Ok(CutoffInfluence { cutoff_hz, largest_change, typical_change, model })
     });

@@ -422,7 +422,7 @@ impl Model {
         let stages = stages.map(|stage| of_limit(py, &stage.limit, ("residual_percent", stage.residual_percent)));
         dict.set_item("stages", stages.collect::<PyResult<Vec<_>>>()?)?;
         let kept_out = certificate.kept_out.map(|errors| {
-            let KeptOut { unconstrained_percent, consistent_percent } = errors;
+            let KeptOut { unconstrained_percent, consistent_percent, .. } = errors;
             let named = [("unconstrained_percent", unconstrained_percent), ("consistent_percent", consistent_percent)];
             named.into_py_dict(py)
         });
@@ -564,7 +564,10 @@ impl Model {
     ) -> PyResult<()> {
         let language = language.parse().map_err(IntoPyErr::into_py_err)?;
         let precision = export::precision(precision).map_err(IntoPyErr::into_py_err)?;
-        let options = ExportOptions { language, precision, name, stream: stream_options(rate_hz, purpose, keep)? };
+        let options = ExportOptions::new(language)
+            .with_precision(precision)
+            .with_name(name)
+            .with_stream(stream_options(rate_hz, purpose, keep)?);
         py.import("sgpr._files")?.call_method1("make_folder_of", (&path,))?;
         detached(py, || self.inner.export_to(path, &options)).map_err(IntoPyErr::into_py_err)
     }
@@ -699,7 +702,7 @@ impl Parameter {
 
 impl From<&BaseParameter> for Parameter {
     fn from(row: &BaseParameter) -> Self {
-        let BaseParameter { name, expression, unit, value, standard_deviation, nominal } = row.clone();
+        let BaseParameter { name, expression, unit, value, standard_deviation, nominal, .. } = row.clone();
         let relative_standard_deviation = standard_deviation.map(|deviation| 100.0 * deviation / value.abs());
         Self { name, expression, unit, value, standard_deviation, relative_standard_deviation, nominal }
     }
@@ -1013,7 +1016,7 @@ pub fn temperatures(dof: usize, celsius: &Bound<'_, PyAny>) -> PyResult<Vec<f64>
 pub fn stream_options(rate_hz: Option<f64>, purpose: &str, keep: Option<&Bound<'_, PyAny>>) -> PyResult<StreamOptions> {
     let purpose = purpose.parse().map_err(|error: core::UnknownPurpose| invalid(error.to_string()))?;
     let keep = keep.map(|names| texts("keep", names)).transpose()?.unwrap_or_default();
-    Ok(StreamOptions { rate_hz, purpose, keep })
+    Ok(StreamOptions::default().with_rate_hz(rate_hz).with_purpose(purpose).with_keep(keep))
 }
 
 /// One sample after the other, for a control loop. One per thread.

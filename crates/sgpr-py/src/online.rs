@@ -104,25 +104,28 @@ impl OnlineModel {
         };
         let payload = match payload {
             false => None,
-            true => Some(PayloadOptions { link, mass, radius, memory, noise: self::noise(noise, model, arm)? }),
+            true => Some(
+                PayloadOptions::new(self::noise(noise, model, arm)?)
+                    .with_link(link)
+                    .with_mass(mass)
+                    .with_radius(radius)
+                    .with_memory(memory),
+            ),
         };
         let points = points.map_or(Ok(Budget::default().points), |value| whole("points", value, 1..2001))?;
         let period = positive("period", period)?;
         let samples = |seconds: f64| (seconds / period).round() as u64;
-        let budget = Budget {
-            points,
-            novelty,
-            refresh: samples(0.1),
-            memory: samples(positive("process_memory", process_memory)?),
-        };
-        let options = OnlineOptions {
-            period,
-            cutoff_hz,
-            standstill_speed,
-            payload,
-            process: process.then_some(budget),
-            ..OnlineOptions::default()
-        };
+        let budget = Budget::default()
+            .with_points(points)
+            .with_novelty(novelty)
+            .with_refresh(samples(0.1))
+            .with_memory(samples(positive("process_memory", process_memory)?));
+        let options = OnlineOptions::default()
+            .with_period(period)
+            .with_cutoff_hz(cutoff_hz)
+            .with_standstill_speed(standstill_speed)
+            .with_payload(payload)
+            .with_process(process.then_some(budget));
         let known = Box::new(models(model, arm, period)?);
         let inner = core::OnlineModel::new(arm, known, &options).map_err(IntoPyErr::into_py_err)?;
         // What remembers the measured motion is not to see the wanted one.
@@ -258,7 +261,8 @@ impl OnlineGaussianProcess {
             return Err(invalid("inputs, outputs: at least one of each"));
         }
         let kernel = kernel.get().inner.clone();
-        let budget = Budget { points, novelty, refresh, memory };
+        let budget =
+            Budget::default().with_points(points).with_novelty(novelty).with_refresh(refresh).with_memory(memory);
         let inner = core::OnlineGaussianProcess::new(kernel, inputs, outputs, noise_variance, budget);
         Ok(Self { inner: Mutex::new(inner.map_err(IntoPyErr::into_py_err)?), inputs, outputs })
     }

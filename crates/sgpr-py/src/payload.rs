@@ -202,7 +202,7 @@ pub fn identify_payload(
     let Arguments { options, progress } = Arguments::new(robot.get(), options)?;
     let (unloaded, loaded) = (recordings(unloaded)?, recordings(loaded)?);
     let index = link_of(robot.get(), link)?;
-    let payload = PayloadOptions { link: index, friction_may_change, consistent };
+    let payload = PayloadOptions::new(index).with_friction_may_change(friction_may_change).with_consistent(consistent);
     let robot = &robot.get().inner;
     let inner = listen(py, progress, |progress| {
         core::identify_payload(robot, &unloaded, &loaded, &options, &payload, progress)
@@ -287,7 +287,10 @@ pub fn identify_drive_gains(
         None => Vec::new(),
         Some(lowest) => Numbers::new("lowest", lowest)?.shaped(&[robot.dof()])?.finite()?.values().to_vec(),
     };
-    let gains = GainOptions { link: index, known, estimator, lowest, consistency: options.consistency.take() };
+    let gains = GainOptions::new(index, known)
+        .with_estimator(estimator)
+        .with_lowest(lowest)
+        .with_consistency(options.consistency.take());
     let inner = listen(py, progress, |progress| {
         core::identify_drive_gains(robot, &unloaded, &loaded, &options, &gains, progress)
     })?;

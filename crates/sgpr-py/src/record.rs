@@ -318,7 +318,8 @@ pub fn record(
         let (recording, finding) = (recording.source().into(), found.message);
         return Err(sgpr_core::recording::RecordingError::Doubtful { recording, finding }.into_py_err());
     }
-    let mut options = RecordOptions { blocks, counted: counted.map(Into::into), lags, ..RecordOptions::default() };
+    let mut options =
+        RecordOptions::default().with_blocks(blocks).with_counted(counted.map(Into::into)).with_lags(lags);
     options.labels = labels.unwrap_or_default();
     if let Some(suspects) = suspects {
         options.suspects = texts("suspects", suspects)?;

@@ -7,12 +7,12 @@ use numpy::{PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethod
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
 use pyo3::types::{PyDict, PyList, PySlice};
+use pythonize::{depythonize, pythonize};
 use sgpr_core::motion::average_periods;
 use sgpr_core::recording::csv::{self, ColumnMap, Columns, ReadOptions, Rows};
 use sgpr_core::recording::mcap::{self, Clock, McapOptions};
 use sgpr_core::recording::{
-    self as core, Channel, ColumnLayout, IssueKind, JointLayout, Layout, RecordingError, Repair, Resample, Severity,
-    Units,
+    self as core, Channel, IssueKind, Layout, RecordingError, Repair, Resample, Severity, Units,
 };
 
 use crate::convert::{Numbers, array, choice, items, kind_of, positive, texts, unknown, view};
@@ -294,7 +294,7 @@ impl Recording {
     /// >>> len(log.between(2.0, 3.0))
     /// 11
     fn between(&self, start: f64, end: f64) -> PyResult<Self> {
-        let request = Repair { trim: Some(range("between", start, end)?), ..Repair::default() };
+        let request = Repair::default().with_trim(Some(range("between", start, end)?));
         let (mut parts, _) = core::repair(&self.inner, &request).map_err(IntoPyErr::into_py_err)?;
         parts.pop().map(Self::from).ok_or_else(|| invalid(format!("between({start}, {end}): there is no sample")))
     }
@@ -379,7 +379,7 @@ impl Recording {
         let recording = self.inner.clone().with_source(source);
         let recording = notes.into_iter().fold(recording, core::Recording::with_note);
         Ok(match layout {
-            Some(layout) => recording.with_layout(Some(layout_of(layout)?)),
+            Some(layout) => recording.with_layout(Some(depythonize(layout)?)),
             None => recording,
         }
         .into())
@@ -447,17 +447,16 @@ impl Recording {
             }),
         };
         let trim = trim.map(|(start, end)| range("trim", start, end)).transpose()?;
-        let request = Repair {
-            trim,
-            sort,
-            drop_duplicates,
-            drop_not_finite,
-            replace_strays,
-            drop_repeated,
-            unwrap,
-            split_gaps,
-            resample,
-        };
+        let request = Repair::default()
+            .with_trim(trim)
+            .with_sort(sort)
+            .with_drop_duplicates(drop_duplicates)
+            .with_drop_not_finite(drop_not_finite)
+            .with_replace_strays(replace_strays)
+            .with_drop_repeated(drop_repeated)
+            .with_unwrap(unwrap)
+            .with_split_gaps(split_gaps)
+            .with_resample(resample);
         let (parts, actions) = detached(py, || core::repair(&self.inner, &request)).map_err(IntoPyErr::into_py_err)?;
         let recordings = parts.into_iter().map(|part| Py::new(py, Self::from(part))).collect::<PyResult<_>>()?;
         Ok(Repaired { recordings, actions })
@@ -534,7 +533,7 @@ impl Recording {
         let made = Self::new(&t, &q, dq.as_ref(), tau.as_ref(), Some(&joint_names), Some(&channels), &source)?;
         let accepted = accepted.iter().map(|kind| kind.parse()).collect::<Result<Vec<IssueKind>, _>>();
         let accepted = accepted.map_err(RecordingError::into_py_err)?;
-        let layout = layout.map(|layout| layout_of(&layout)).transpose()?;
+        let layout = layout.map(|layout| depythonize(&layout)).transpose()?;
         let recording = notes.into_iter().fold(made.inner, core::Recording::with_note);
         Ok(recording.with_layout(layout).accepting(&accepted).into())
     }
@@ -605,53 +604,9 @@ fn from_seconds(seconds: &Numbers<'_>) -> PyResult<Vec<i64>> {
 }
 
 fn layout_dict<'py>(py: Python<'py>, layout: &Layout) -> PyResult<Bound<'py, PyDict>> {
-    let column_dict = |column: &ColumnLayout| -> PyResult<Bound<'py, PyDict>> {
-        let dict = PyDict::new(py);
-        dict.set_item("column", &column.column)?;
-        dict.set_item("unit", &column.unit)?;
-        dict.set_item("stated", column.stated)?;
-        dict.set_item("torque_constant", column.torque_constant)?;
-        Ok(dict)
-    };
-    let mut joints = Vec::new();
-    for joint in &layout.joints {
-        let dict = PyDict::new(py);
-        dict.set_item("joint", &joint.joint)?;
-        dict.set_item("position", column_dict(&joint.position)?)?;
-        dict.set_item("velocity", joint.velocity.as_ref().map(column_dict).transpose()?)?;
-        dict.set_item("torque", joint.torque.as_ref().map(column_dict).transpose()?)?;
-        joints.push(dict);
-    }
-    let dict = PyDict::new(py);
-    dict.set_item("time", &layout.time)?;
-    dict.set_item("joints", joints)?;
-    dict.set_item("by_order", layout.by_order)?;
+    let dict = pythonize(py, layout)?.cast_into::<PyDict>()?;
     dict.set_item("text", layout.to_string())?;
     Ok(dict)
-}
-
-/// What `layout_dict` made a dict of.
-fn layout_of(dict: &Bound<'_, PyAny>) -> PyResult<Layout> {
-    let column = |dict: &Bound<'_, PyAny>| -> PyResult<ColumnLayout> {
-        Ok(ColumnLayout {
-            column: dict.get_item("column")?.extract()?,
-            unit: dict.get_item("unit")?.extract()?,
-            stated: dict.get_item("stated")?.extract()?,
-            torque_constant: dict.get_item("torque_constant")?.extract()?,
-        })
-    };
-    let optional = |dict: Bound<'_, PyAny>| if dict.is_none() { Ok(None) } else { column(&dict).map(Some) };
-    let joint = |dict: Bound<'_, PyAny>| -> PyResult<JointLayout> {
-        Ok(JointLayout {
-            joint: dict.get_item("joint")?.extract()?,
-            position: column(&dict.get_item("position")?)?,
-            velocity: optional(dict.get_item("velocity")?)?,
-            torque: optional(dict.get_item("torque")?)?,
-        })
-    };
-    let joints = dict.get_item("joints")?.try_iter()?.map(|dict| joint(dict?)).collect::<PyResult<_>>()?;
-    let by_order = dict.get_item("by_order")?.extract()?;
-    Ok(Layout { time: dict.get_item("time")?.extract()?, joints, by_order })
 }
 
 fn issue_kinds(given: &Bound<'_, PyAny>) -> PyResult<Vec<IssueKind>> {
@@ -692,7 +647,7 @@ pub struct Issue {
 
 impl From<core::Issue> for Issue {
     fn from(issue: core::Issue) -> Self {
-        let core::Issue { kind, severity, time, channel, count, message } = issue;
+        let core::Issue { kind, severity, time, channel, count, message, .. } = issue;
         let rank = severity.rank();
         let severity = match severity {
             Severity::Error => "error",
@@ -827,17 +782,16 @@ impl TableOptions<'_, '_> {
             (None, Some((start, end))) => Some(Rows::Seconds(range("seconds", start, end)?)),
             (None, None) => None,
         };
-        Ok(ReadOptions {
-            joints: joints.map(|joints| texts("joints", joints)).transpose()?,
-            columns: columns.map_or(Ok(ColumnMap::default()), column_map)?,
-            units: units.map_or(Ok(Units::default()), unit_map)?,
-            torque_constants: constants.map(|numbers| numbers.values().to_vec()),
-            named_torque_constants: named,
-            accept: accept.map_or(Ok(Vec::new()), issue_kinds)?,
-            rows,
-            sample_rate_hz,
-            limit_bytes: limit_bytes.unwrap_or(ReadOptions::default().limit_bytes),
-        })
+        Ok(ReadOptions::default()
+            .with_joints(joints.map(|joints| texts("joints", joints)).transpose()?)
+            .with_columns(columns.map_or(Ok(ColumnMap::default()), column_map)?)
+            .with_units(units.map_or(Ok(Units::default()), unit_map)?)
+            .with_torque_constants(constants.map(|numbers| numbers.values().to_vec()))
+            .with_named_torque_constants(named)
+            .with_accept(accept.map_or(Ok(Vec::new()), issue_kinds)?)
+            .with_rows(rows)
+            .with_sample_rate_hz(sample_rate_hz)
+            .with_limit_bytes(limit_bytes.unwrap_or(ReadOptions::default().limit_bytes)))
     }
 }
 
@@ -1009,14 +963,13 @@ pub fn read_mcap(
     recover: bool,
     limit_bytes: Option<u64>,
 ) -> PyResult<Recording> {
-    let options = McapOptions {
-        joints: joints.map(|names| texts("joints", names)).transpose()?,
-        logged_names: logged_names.map(|names| texts("logged_names", names)).transpose()?,
-        topics: topics.map(|names| texts("topics", names)).transpose()?,
-        clock: choice("clock", clock, &[("header", Clock::HeaderStamp), ("log", Clock::LogTime)])?,
-        recover,
-        limit_bytes: limit_bytes.unwrap_or(McapOptions::default().limit_bytes),
-    };
+    let options = McapOptions::default()
+        .with_joints(joints.map(|names| texts("joints", names)).transpose()?)
+        .with_logged_names(logged_names.map(|names| texts("logged_names", names)).transpose()?)
+        .with_topics(topics.map(|names| texts("topics", names)).transpose()?)
+        .with_clock(choice("clock", clock, &[("header", Clock::HeaderStamp), ("log", Clock::LogTime)])?)
+        .with_recover(recover)
+        .with_limit_bytes(limit_bytes.unwrap_or(McapOptions::default().limit_bytes));
     let recording = detached(py, || mcap::read(&path, &options));
     recording.map(Recording::from).map_err(IntoPyErr::into_py_err)
 }

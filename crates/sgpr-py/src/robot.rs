@@ -401,11 +401,10 @@ pub fn urdf_options(
         }
         positions.insert(joint, position);
     }
-    Ok(UrdfOptions {
-        joints: joints.map(|joints| texts("joints", joints)).transpose()?,
-        locked: positions,
-        gravity: gravity_or_standard(gravity)?,
-    })
+    Ok(UrdfOptions::default()
+        .with_joints(joints.map(|joints| texts("joints", joints)).transpose()?)
+        .with_locked(positions)
+        .with_gravity(gravity_or_standard(gravity)?))
 }
 
 fn dh_row(index: usize, given: &Bound<'_, PyAny>) -> PyResult<DhRow> {

@@ -6,9 +6,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use numpy::PyArrayDyn;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
-use sgpr_core::model::{
-    self as core, Inputs, Mean, Predictor, SemiParametricError, SemiParametricOptions, StreamOptions,
-};
+use sgpr_core::model::{self as core, Inputs, Mean, Predictor, SemiParametricError, SemiParametricOptions};
 use sgpr_core::recording::LogSet;
 
 use crate::compare::{Compared, Comparison};
@@ -61,19 +59,17 @@ pub fn fit_semi_parametric(
 ) -> PyResult<(FittedSemiParametric, Option<PyErr>)> {
     let Arguments { options: identify, progress } = Arguments::new(robot.get(), Some(options))?;
     let known = Inputs::NAMED.map(|inputs| (inputs.name(), inputs));
-    let mut options = SemiParametricOptions {
-        identify,
-        mean: choice("mean", mean, &[("physics", Mean::Physics), ("joint", Mean::Joint), ("zero", Mean::Zero)])?,
-        shape: shape(kernel)?,
-        ard,
-        inputs: inputs.map(|name| choice("inputs", name, &known)).transpose()?,
-        shared,
-        points: whole("points", points, 2..20_001)?,
-        sparse,
-        starts: whole("starts", starts, 1..1001)?,
-        evaluations: whole("max_evaluations", max_evaluations, 1..usize::MAX)?,
-        ..SemiParametricOptions::default()
-    };
+    let mut options = SemiParametricOptions::default()
+        .with_identify(identify)
+        .with_mean(choice("mean", mean, &[("physics", Mean::Physics), ("joint", Mean::Joint), ("zero", Mean::Zero)])?)
+        .with_shape(shape(kernel)?)
+        .with_ard(ard)
+        .with_inputs(inputs.map(|name| choice("inputs", name, &known)).transpose()?)
+        .with_shared(shared)
+        .with_points(whole("points", points, 2..20_001)?)
+        .with_sparse(sparse)
+        .with_starts(whole("starts", starts, 1..1001)?)
+        .with_evaluations(whole("max_evaluations", max_evaluations, 1..usize::MAX)?);
     options.compute.threads = whole("n_jobs", n_jobs, 1..1025)?;
     let recordings = self::recordings(recordings)?;
     let robot = &robot.get().inner;
@@ -258,7 +254,7 @@ impl FittedSemiParametric {
         let (single, variance_rank, compact) = numbers;
         let options = predictor_options(single, variance_rank, compact);
         let (rate_hz, purpose, keep) = stream;
-        let stream = StreamOptions { keep, ..stream_options(rate_hz, &purpose, None)? };
+        let stream = stream_options(rate_hz, &purpose, None)?.with_keep(keep);
         let inner = detached(py, || self.inner.predictor(options, &stream));
         Ok(SemiParametricPredictor {
             inner: Mutex::new(inner.map_err(IntoPyErr::into_py_err)?),

@@ -71,15 +71,13 @@ impl Drive {
         };
         let coulomb = coulomb_friction.map_or(Ok([0.0; 2]), |value| both("coulomb_friction", value))?;
         let at_rest = static_friction.map_or(Ok(coulomb), |value| both("static_friction", value))?;
-        Ok(Self {
-            inner: core::Drive {
-                rotor_inertia,
-                viscous_friction,
-                coulomb_friction: coulomb,
-                static_friction: at_rest,
-                stribeck_velocity,
-            },
-        })
+        let inner = core::Drive::default()
+            .with_rotor_inertia(rotor_inertia)
+            .with_viscous_friction(viscous_friction)
+            .with_coulomb_friction(coulomb)
+            .with_static_friction(at_rest)
+            .with_stribeck_velocity(stribeck_velocity);
+        Ok(Self { inner })
     }
 
     /// kg·m².
@@ -298,21 +296,11 @@ impl Simulation {
         let [q, dq, ddq, tau, friction, q_measured, dq_measured, tau_measured, q_wanted, dq_wanted, ddq_wanted] =
             <[Vec<f64>; ARRAYS.len()]>::try_from(rows).map_err(|_| invalid("not a simulation: arrays are missing"))?;
         let joint_names = robot.inner.joint_names().map(String::from).collect();
-        let inner = core::SimulationRecord {
-            joint_names,
-            time,
-            q,
-            dq,
-            ddq,
-            tau,
-            friction,
-            q_measured,
-            dq_measured,
-            tau_measured,
-            q_wanted,
-            dq_wanted,
-            ddq_wanted,
-        };
+        let mut inner = core::SimulationRecord::default();
+        (inner.joint_names, inner.time) = (joint_names, time);
+        [inner.q, inner.dq, inner.ddq, inner.tau, inner.friction] = [q, dq, ddq, tau, friction];
+        [inner.q_measured, inner.dq_measured, inner.tau_measured] = [q_measured, dq_measured, tau_measured];
+        [inner.q_wanted, inner.dq_wanted, inner.ddq_wanted] = [q_wanted, dq_wanted, ddq_wanted];
         Ok(Self { inner, robot: robot.inner.clone() })
     }
 
@@ -431,21 +419,19 @@ pub fn simulate(
         value.map(|value| per_joint(name, value, &arm)).transpose().map(Option::unwrap_or_default)
     };
     let gains = Gains { kp: gain("kp", kp, 75.0, &arm)?, kd: gain("kd", kd, 5.0, &arm)? };
-    let sensors = Sensors {
-        position_resolution: list("position_resolution", position_resolution)?,
-        position_noise: list("position_noise", position_noise)?,
-        torque_noise: list("torque_noise", torque_noise)?,
-        actuation_noise: list("actuation_noise", actuation_noise)?,
-        velocity: choice("velocity", velocity, &VELOCITY_SENSORS)?,
-    };
-    let experiment = Experiment {
-        control_period: positive("control_period", control_period)?,
-        delay,
-        record_period: positive("record_period", record_period.unwrap_or(control_period))?,
-        sensors,
-        torque_limits: torque_limits.map(|value| per_joint("torque_limits", value, &arm)).transpose()?,
-        seed: random_state,
-    };
+    let sensors = Sensors::default()
+        .with_position_resolution(list("position_resolution", position_resolution)?)
+        .with_position_noise(list("position_noise", position_noise)?)
+        .with_torque_noise(list("torque_noise", torque_noise)?)
+        .with_actuation_noise(list("actuation_noise", actuation_noise)?)
+        .with_velocity(choice("velocity", velocity, &VELOCITY_SENSORS)?);
+    let experiment = Experiment::default()
+        .with_control_period(positive("control_period", control_period)?)
+        .with_delay(delay)
+        .with_record_period(positive("record_period", record_period.unwrap_or(control_period))?)
+        .with_sensors(sensors)
+        .with_torque_limits(torque_limits.map(|value| per_joint("torque_limits", value, &arm)).transpose()?)
+        .with_seed(random_state);
     let known = models(model, &arm, control_period)?;
     let failure = Arc::new(Mutex::new(None));
     let mut controller = self::controller(controller, known, gains, &failure)?;
@@ -492,7 +478,7 @@ fn rows(name: &str, value: &Bound<'_, PyAny>, arm: &CoreRobot) -> PyResult<Vec<f
 fn pick_up(time: f64, parameters: &Bound<'_, PyAny>, link: usize) -> PyResult<PickUp> {
     let numbers = Numbers::new("pick_up", parameters)?.shaped(&[10])?.finite()?;
     let parameters = numbers.values().try_into().expect("ten numbers");
-    Ok(PickUp { time, link, parameters })
+    Ok(PickUp::new(time, link, parameters))
 }
 
 /// The arm with what turns it.
@@ -550,7 +536,7 @@ pub(crate) fn models(
     robot: &CoreRobot,
     period: f64,
 ) -> PyResult<Vec<Box<dyn InverseDynamics>>> {
-    let stream = StreamOptions { rate_hz: Some(1.0 / period), ..StreamOptions::default() };
+    let stream = StreamOptions::default().with_rate_hz(Some(1.0 / period));
     let Some(value) = value else { return Ok(vec![Box::new(RigidBody::new(robot))]) };
     let one = |item: &Bound<'_, PyAny>| -> PyResult<Option<Box<dyn InverseDynamics>>> {
         let (found, model): (usize, Box<dyn InverseDynamics>) = if let Ok(robot) = item.cast::<Robot>() {
@@ -597,9 +583,9 @@ fn controller(
     };
     let known = [("feed_forward", 0), ("computed_torque", 1), ("impedance", 2), ("pd", 3)];
     Ok(match choice("controller", &name, &known)? {
-        0 => Box::new(FeedForward { model, gains }),
+        0 => Box::new(FeedForward::new(model, gains)),
         1 => Box::new(ComputedTorque::new(model, gains)),
-        2 => Box::new(JointImpedance { model, gains }),
+        2 => Box::new(JointImpedance::new(model, gains)),
         _ => Box::new(Pd(gains)),
     })
 }

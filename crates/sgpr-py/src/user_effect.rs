@@ -270,12 +270,10 @@ impl Effect for UserEffect {
 
     fn about(&self) -> About<'_> {
         let depends_on_time = self.channels.iter().any(|name| name == "time");
-        About {
-            formula: "a function of the user",
-            origin_reason: "a torque of the arm, as far as the user says",
-            depends_on_time,
-            ..About::default()
-        }
+        About::default()
+            .with_formula("a function of the user")
+            .with_origin_reason("a torque of the arm, as far as the user says")
+            .with_depends_on_time(depends_on_time)
     }
 
     fn constants(&self) -> &[Constant] {
@@ -292,11 +290,9 @@ impl Effect for UserEffect {
 
     fn needs(&self) -> Needs {
         let of_log = |name: &&String| !["time", "load"].contains(&name.as_str());
-        Needs {
-            time: self.about().depends_on_time,
-            channels: self.channels.iter().filter(of_log).cloned().collect(),
-            ..Needs::default()
-        }
+        Needs::default()
+            .with_time(self.about().depends_on_time)
+            .with_channels(self.channels.iter().filter(of_log).cloned().collect())
     }
 
     fn failure(&self) -> Option<String> {

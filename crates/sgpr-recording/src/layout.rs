@@ -1,7 +1,10 @@
 use std::fmt;
 
+use serde::{Deserialize, Serialize};
+
 /// Which column of a log became what, and in which unit it was read.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct Layout {
     /// The time, in words: `t in s`, `250 Hz, counted`.
     pub time: String,
@@ -12,7 +15,8 @@ pub struct Layout {
 }
 
 /// The columns of one joint.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct JointLayout {
     /// Its name.
     pub joint: String,
@@ -25,7 +29,8 @@ pub struct JointLayout {
 }
 
 /// A column and how it was read.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct ColumnLayout {
     /// Its name in the log.
     pub column: String,

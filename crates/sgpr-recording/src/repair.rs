@@ -1,6 +1,8 @@
 use std::f64::consts::TAU;
 use std::ops::RangeInclusive;
 
+use derive_setters::Setters;
+
 use super::inspect::{is_finite_row, is_turn, repeated_samples, stray_samples, usual_change};
 use super::resample::{at_stamps, resample};
 use super::{GAP_FACTOR, Recording, RecordingError, seconds};
@@ -13,7 +15,9 @@ const MOST_NEW_SAMPLES: f64 = 1000.0;
 /// What to change about a recording. The default changes nothing.
 ///
 /// The steps are done in the order of the fields.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Setters)]
+#[setters(prefix = "with_")]
+#[non_exhaustive]
 pub struct Repair {
     /// Keep this part only, s since the first sample, both ends included.
     pub trim: Option<RangeInclusive<f64>>,

@@ -4,10 +4,14 @@ use std::f64::consts::{PI, TAU};
 use std::fmt;
 use std::str::FromStr;
 
+use derive_setters::Setters;
+
 use super::RecordingError;
 
 /// Units of the columns of a log. `None`: as the column names say, or else SI.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Setters)]
+#[setters(prefix = "with_")]
+#[non_exhaustive]
 pub struct Units {
     /// Unit of the time.
     pub time: Option<TimeUnit>,

@@ -39,26 +39,24 @@ fn attempt(name: &str, content: &[u8]) {
 fn read_all(path: &Path) -> Vec<Result<Recording, RecordingError>> {
     if path.extension().is_some_and(|extension| extension == "csv") {
         let joints = Some(vec!["joint_1".into(), "joint_2".into()]);
-        let automatic = ReadOptions { limit_bytes: LIMIT, ..ReadOptions::default() };
-        vec![csv::read(path, &automatic), csv::read(path, &ReadOptions { joints, ..automatic })]
+        let automatic = ReadOptions::default().with_limit_bytes(LIMIT);
+        vec![csv::read(path, &automatic), csv::read(path, &automatic.with_joints(joints))]
     } else {
-        let strict = McapOptions { limit_bytes: LIMIT, ..McapOptions::default() };
-        let lenient = McapOptions { recover: true, ..strict.clone() };
+        let strict = McapOptions::default().with_limit_bytes(LIMIT);
+        let lenient = strict.clone().with_recover(true);
         vec![mcap::read(path, &strict), mcap::read(path, &lenient)]
     }
 }
 
 fn use_recording(recording: &Recording) {
     inspect(recording);
-    let request = Repair {
-        sort: true,
-        drop_duplicates: true,
-        drop_not_finite: true,
-        replace_strays: true,
-        drop_repeated: true,
-        resample: Some(Resample::MedianRate),
-        ..Repair::default()
-    };
+    let request = Repair::default()
+        .with_sort(true)
+        .with_drop_duplicates(true)
+        .with_drop_not_finite(true)
+        .with_replace_strays(true)
+        .with_drop_repeated(true)
+        .with_resample(Some(Resample::MedianRate));
     let _ = repair(recording, &request);
 }
 

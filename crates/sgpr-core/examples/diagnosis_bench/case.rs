@@ -408,7 +408,7 @@ fn torque(truth: &Truth, motion: &[Vec<f64>; 3], rate: f64, start: f64) -> Vec<f
     let model = model.with_terms(truth.terms.clone(), Some(0));
     let samples = motion[0].len() / n;
     let time: Vec<f64> = (0..samples).map(|k| start + k as f64 / rate).collect();
-    let trajectory = Trajectory { samples: as_samples(motion), rate_hz: rate, time: &time, channels: &[] };
+    let trajectory = Trajectory::of_samples(as_samples(motion)).with_rate_hz(rate).with_time(&time);
     let mut tau = model.predict_trajectory(&trajectory);
     if let Some((joint, other, law, factor)) = truth.unknown {
         for k in 0..samples {

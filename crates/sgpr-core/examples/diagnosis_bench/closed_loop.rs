@@ -3,7 +3,7 @@
 //! Source: D. E. Stewart, J. C. Trinkle, An implicit time-stepping scheme for rigid body dynamics with inelastic
 //! collisions and Coulomb friction, Int. J. Numer. Meth. Eng. 39 (1996).
 
-use sgpr_core::dynamics::{Workspace, bias_forces, mass_matrix, rnea};
+use sgpr_core::dynamics::{Samples, Workspace, bias_forces, mass_matrix, rnea};
 use sgpr_core::effects::Context;
 use sgpr_core::model::Term;
 use sgpr_core::robot::Robot;
@@ -96,17 +96,8 @@ fn torque_of_terms(plant: &Plant<'_>, q: &[f64], dq: &[f64], time: f64) -> Vec<f
     let n = q.len();
     let mut torque = vec![0.0; n];
     let still = vec![0.0; n];
-    let context = Context {
-        robot: plant.robot,
-        rate_hz: 1.0 / STEP,
-        time: &[time],
-        q,
-        dq,
-        ddq: &still,
-        rigid_torque: &still,
-        torque: &still,
-        channels: &[],
-    };
+    let (time, motion) = ([time], Samples { q, dq, ddq: &still });
+    let context = Context::new(plant.robot, 1.0 / STEP, &time, motion).with_rigid_torque(&still).with_torque(&still);
     for term in plant.terms.iter().filter(|term| term.effect.name() != PAYLOAD) {
         let joint = term.site.joint();
         let length = if term.effect.reach() == sgpr_core::effects::Reach::All { n } else { 1 };

@@ -22,7 +22,7 @@ use std::time::Instant;
 use case::{AMBIGUOUS, CLOSED, Case, ONE_JOINT, POOR, Quality, SINGLES, Style, make};
 use law::{FORMS, UNKNOWN};
 use sgpr_core::diagnosis::{Diagnosis, DiagnosisOptions, Finding, Verdict, add, diagnose};
-use sgpr_core::model::{IdentifyOptions, Term, TorqueModel, compare, identify};
+use sgpr_core::model::{IdentifyOptions, TorqueModel, compare, identify};
 use sgpr_core::recording::Recording;
 use table::{Row, Table};
 
@@ -144,31 +144,13 @@ fn plain(effect: &str) -> String {
 
 /// The model of the user of a case.
 fn identified(case: &Case, logs: &[Recording]) -> Result<TorqueModel, Failure> {
-    let options = IdentifyOptions { effects: case.known.clone(), ..Default::default() };
+    let options = IdentifyOptions::default().with_effects(case.known.clone());
     Ok(identify(&case.guess, logs, &options, &())?.0)
-}
-
-/// Terms as what a person would add.
-fn finding_of(terms: &[Term]) -> Finding {
-    Finding {
-        effect: String::new(),
-        joints: vec![],
-        probability: 1.0,
-        score: 0.0,
-        parameters: vec![],
-        rmse_before: BTreeMap::new(),
-        rmse_after: BTreeMap::new(),
-        error_gained_percent: 0.0,
-        evidence: String::new(),
-        confusable_with: vec![],
-        separating_experiment: String::new(),
-        terms: terms.to_vec(),
-    }
 }
 
 /// The model of one who is told what is hidden.
 fn told(case: &Case, model: &TorqueModel) -> Result<TorqueModel, Failure> {
-    Ok(add(model, &[&finding_of(&case.terms())], &case.train)?)
+    Ok(add(model, &[&Finding::of_terms(case.terms())], &case.train)?)
 }
 
 /// The first finding, and whether it is what is hidden.

@@ -3,16 +3,16 @@
 use std::f64::consts::SQRT_2;
 use std::time::Instant;
 
-use sgpr_core::diagnosis::{Diagnosis, DiagnosisOptions, add, diagnose};
+use sgpr_core::diagnosis::{Diagnosis, DiagnosisOptions, Finding, add, diagnose};
 use sgpr_core::effects::{Site, by_name};
 use sgpr_core::model::{IdentifyOptions, Term, TorqueModel, compare, identify};
 use sgpr_core::motion::Motion;
 use sgpr_core::recording::{Recording, Repair, Resample};
 
+use crate::Failure;
 use crate::arm::Random;
 use crate::real_robot::{Case, folder};
 use crate::table::Row;
-use crate::{Failure, finding_of};
 
 /// Folders of the logs (`docs/real-data.md`).
 pub const ROBOTS: [&str; 4] = ["ur10e", "panda", "baxter", "kuka_lwr"];
@@ -74,7 +74,7 @@ fn is_alike(found: &str, added: &str) -> bool {
 /// does not raise the error on unseen logs by a twentieth is not asked.
 pub fn row(robot: &str, seed: u64, rounds: u64, only: Option<&str>) -> Result<Option<Row>, Failure> {
     let Some(folder) = folder(robot) else { return Ok(None) };
-    let even = Repair { resample: Some(Resample::MedianRate), ..Repair::default() };
+    let even = Repair::default().with_resample(Some(Resample::MedianRate));
     let logs = Case::read(&folder, &even);
     let model = logs.identify()?;
     let errors = |model: &TorqueModel, logs: &[Recording]| -> Result<Vec<f64>, Failure> {
@@ -105,8 +105,7 @@ pub fn row(robot: &str, seed: u64, rounds: u64, only: Option<&str>) -> Result<Op
             let gone = base.iter().filter(|b| !found.iter().any(|f| b.0 == f.0 && b.1 == f.1)).count();
             let (before, after) = (errors(&bare, &changed.test)?, errors(&diagnosis.after, &changed.test)?);
             // What the logs have already, or the parameters of the model take up, is not asked.
-            let told =
-                errors(&add(&bare, &[&finding_of(std::slice::from_ref(&term))], &changed.train)?, &changed.test)?;
+            let told = errors(&add(&bare, &[&Finding::of_terms(vec![term.clone()])], &changed.train)?, &changed.test)?;
             let there = base.iter().any(|b| is_alike(&b.0, effect) && b.1 == name);
             let wanted = usize::from(!there && before.iter().zip(&told).any(|(b, t)| b - t > 0.05 * t));
             let excess = |errors: &[f64]| errors.iter().zip(&floor).map(|(e, f)| (e - f) / f).sum::<f64>();

@@ -27,6 +27,7 @@ pub enum Verdict {
 
 /// An effect that the logs would have shown, had it been there and large enough.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct Detectable {
     /// Effect.
     pub effect: String,
@@ -56,6 +57,7 @@ pub type Ranked<'a> = dyn Fn(&[Finding]) + Sync + 'a;
 
 /// A parameter of a finding.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct FoundParameter {
     /// Name: `joint_2.vs`.
     pub name: String,
@@ -73,6 +75,7 @@ pub type ByJoint = BTreeMap<String, f64>;
 
 /// An effect that the diagnosis stands behind, or one that was tested.
 #[derive(Clone, Debug, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct Finding {
     /// Effect.
     pub effect: String,
@@ -104,6 +107,7 @@ pub struct Finding {
 
 /// An effect that could not be tested.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct NotTestable {
     /// Effect.
     pub effect: String,
@@ -113,6 +117,7 @@ pub struct NotTestable {
 
 /// Error of a joint on the test logs, torque as logged against prediction, and what noise alone would leave.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct JointErrors {
     /// Before, N·m (N).
     pub rmse_before: f64,
@@ -130,6 +135,7 @@ pub struct JointErrors {
 
 /// A proposal for what to record next.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct NextExperiment {
     /// Hypotheses that it would tell apart: the finding first.
     pub about: Vec<String>,
@@ -150,6 +156,7 @@ pub struct NextExperiment {
 
 /// The held-out error after one more effect.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct Step {
     /// The effect that was added; none at the start.
     pub effect: Option<String>,
@@ -161,6 +168,7 @@ pub struct Step {
 
 /// The answer of [`diagnose`](super::diagnose).
 #[derive(Clone, Debug, Serialize)]
+#[non_exhaustive]
 pub struct Diagnosis {
     /// Version of this layout.
     pub schema: u32,
@@ -259,6 +267,24 @@ impl Diagnosis {
 }
 
 impl Finding {
+    /// What somebody knows to act, to be added without a search: terms with their constants, from which the fit starts.
+    pub fn of_terms(terms: Vec<Term>) -> Self {
+        Self {
+            effect: String::new(),
+            joints: vec![],
+            probability: 1.0,
+            score: 0.0,
+            parameters: vec![],
+            rmse_before: BTreeMap::new(),
+            rmse_after: BTreeMap::new(),
+            error_gained_percent: 0.0,
+            evidence: String::new(),
+            confusable_with: vec![],
+            separating_experiment: String::new(),
+            terms,
+        }
+    }
+
     /// A finding from its JSON; what it is made of is in `after`, not in `before`.
     ///
     /// # Errors

@@ -305,7 +305,7 @@ fn judge_one(
     let mut models = vec![search.errors(&bare).left_out, own_errors.clone()];
     models.extend(rivals.iter().map(|rival| search.errors(&in_its_place(rival)).left_out));
     for twin in &step.twins {
-        let elsewhere = Term { site: *twin, ..term.clone() };
+        let elsewhere = term.clone().with_site(*twin);
         models.push(search.errors(&in_its_place(&elsewhere)).left_out);
     }
     let twins = models.len() - step.twins.len()..models.len();

@@ -18,6 +18,7 @@ use crate::linalg::{dot_in_lanes, solve_general};
 
 /// One term of a formula.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct FormulaTerm {
     /// The function: `dq(joint_2) · cos q(joint_1)`.
     pub function: String,
@@ -34,6 +35,7 @@ pub struct FormulaTerm {
 
 /// A formula for what is left of a joint's torque: a suggestion, not a finding.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct Formula {
     /// Joint.
     pub joint: String,

@@ -31,6 +31,8 @@ mod written;
 
 use std::sync::Arc;
 
+use derive_setters::Setters;
+
 pub use answer::{
     ByJoint, Detectable, Diagnosis, Finding, FoundParameter, JointErrors, NextExperiment, NotTestable, Ranked, Step,
     Verdict,
@@ -50,7 +52,9 @@ use search::{Candidate, Search, Wanted};
 use written::Written;
 
 /// What to look for.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Setters)]
+#[setters(prefix = "with_")]
+#[non_exhaustive]
 pub struct DiagnosisOptions {
     /// Effects to test; those of the library and the caller's own.
     pub catalogue: Vec<Arc<dyn Effect>>,

@@ -7,6 +7,7 @@ use super::problem::Problem;
 
 /// Error energy in one cell.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct Excess {
     /// The cell, in words.
     pub cell: String,
@@ -18,6 +19,7 @@ pub struct Excess {
 
 /// Where the error of each joint sits.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct Whereabouts {
     /// Per joint: root mean square error in the band over the noise beyond it, and the autocorrelation of neighbours.
     pub joints: Vec<JointWhereabouts>,
@@ -25,6 +27,7 @@ pub struct Whereabouts {
 
 /// Where the error of one joint sits.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct JointWhereabouts {
     /// Joint.
     pub joint: String,

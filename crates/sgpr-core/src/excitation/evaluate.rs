@@ -1,6 +1,7 @@
 //! What is reported of a motion's observation matrix.
 
 use faer::Mat;
+use serde::{Deserialize, Serialize};
 
 use super::criterion::SINGULAR;
 use super::information::{BesideBase, Information, require_noise};
@@ -11,7 +12,8 @@ use crate::robot::Robot;
 use crate::spatial::PARAMETERS_PER_LINK;
 
 /// How well a motion excites the base parameters.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct ExcitationReport {
     /// cond(W); infinite if a base parameter is not excited.
     pub condition: f64,

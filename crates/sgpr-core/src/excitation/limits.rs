@@ -1,10 +1,14 @@
 //! What a motion has to keep within.
 
+use derive_setters::Setters;
+
 use super::ExcitationError;
 use crate::robot::{Joint, Robot};
 
 /// Limits of a motion; every list `[n]`.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Setters)]
+#[setters(prefix = "with_")]
+#[non_exhaustive]
 pub struct MotionLimits {
     /// Lowest and highest position, rad (m) (thesis eq. 3-7).
     pub position: Vec<[f64; 2]>,

@@ -254,17 +254,7 @@ pub fn nominal_terms(robot: &Robot, effect: &Arc<dyn Effect>, duration: f64) -> 
     let mut torque = vec![0.0; motion.q.len()];
     let samples = Samples { q: &motion.q, dq: &motion.dq, ddq: &motion.ddq };
     rnea_batch(robot, &mut BatchWorkspace::new(robot), samples, &mut torque);
-    let context = Context {
-        robot,
-        rate_hz: RATE_HZ,
-        time: &motion.time,
-        q: &motion.q,
-        dq: &motion.dq,
-        ddq: &motion.ddq,
-        rigid_torque: &torque,
-        torque: &torque,
-        channels: &[],
-    };
+    let context = Context::new(robot, RATE_HZ, &motion.time, samples).with_rigid_torque(&torque).with_torque(&torque);
     if let Some(reason) = effect.not_testable(&context) {
         return Err(refuse(format!("a motion alone does not show it: {reason}")));
     }

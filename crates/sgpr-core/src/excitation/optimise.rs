@@ -5,6 +5,9 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
+use derive_setters::Setters;
+use serde::{Deserialize, Serialize};
+
 use sgpr_predict::internal::with_role;
 use slsqp::{StopTols, minimize};
 
@@ -31,7 +34,9 @@ pub fn usual_effects() -> Vec<String> {
 }
 
 /// What to search for, and how hard.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Setters)]
+#[setters(prefix = "with_")]
+#[non_exhaustive]
 pub struct ExciteOptions {
     /// What is made small.
     pub criterion: Criterion,
@@ -80,7 +85,8 @@ impl ExciteOptions {
 }
 
 /// How a search ended.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Status {
     /// All searches ran to their end.
     Finished,
@@ -89,7 +95,8 @@ pub enum Status {
 }
 
 /// Best value of a search after some evaluations.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct SearchStep {
     /// Number of the search.
     pub start: usize,
@@ -100,7 +107,8 @@ pub struct SearchStep {
 }
 
 /// A motion that was found.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct Excitation {
     /// The motion.
     pub trajectory: Trajectory,
@@ -158,7 +166,7 @@ const STAGES: [Sharpness; 3] = [
 /// let set = ParameterSet::new(&robot, &["viscous_friction", "coulomb_friction"])?;
 /// let base = BaseParameters::new(&robot, &set);
 /// let limits = MotionLimits::of_robot(&robot, &[2.0, 2.0])?;
-/// let options = ExciteOptions { starts: 1, evaluations: 100, ..ExciteOptions::new(Basis::fourier(0.1, 3), limits) };
+/// let options = ExciteOptions::new(Basis::fourier(0.1, 3), limits).with_starts(1).with_evaluations(100);
 /// let found = optimise(&robot, &set, &base, &options, &())?;
 /// assert!(found.value < 40.0 && found.utilisation <= 1.0);
 /// # Ok::<(), Box<dyn std::error::Error>>(())

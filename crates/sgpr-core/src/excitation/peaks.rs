@@ -1,5 +1,7 @@
 //! The largest values of a motion, between samples too.
 
+use serde::{Deserialize, Serialize};
+
 use super::{MotionLimits, Trajectory};
 use crate::dynamics::{Workspace, rnea};
 use crate::effects::JointState;
@@ -8,7 +10,8 @@ use crate::robot::Robot;
 use crate::simulation::Reference;
 
 /// Largest values of a motion in continuous time, `[n]` each.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct Peaks {
     /// Lowest and highest position, rad (m).
     pub position: Vec<[f64; 2]>,

@@ -1,5 +1,7 @@
 //! What a motion must not touch, and how fast its tool may go.
 
+use derive_setters::Setters;
+
 use super::ExcitationError;
 use crate::dynamics::{Workspace, forward_kinematics, jacobian};
 use crate::robot::{Frame, Robot};
@@ -26,7 +28,9 @@ pub struct Block {
 }
 
 /// The cell around an arm.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Setters)]
+#[setters(prefix = "with_")]
+#[non_exhaustive]
 pub struct Surroundings {
     /// Shapes of the links.
     pub capsules: Vec<Capsule>,

@@ -10,7 +10,8 @@ use crate::robot::Robot;
 use crate::simulation::Reference;
 
 /// A motion of all joints: one [`Basis`], coefficients per joint, and the position it starts from.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "TrajectoryParts")]
 pub struct Trajectory {
     basis: Basis,
     /// Added to the motion, `[n]`.
@@ -30,6 +31,28 @@ pub struct TrajectorySamples {
     pub dq: Vec<f64>,
     /// Accelerations.
     pub ddq: Vec<f64>,
+}
+
+/// What a stranger says that a trajectory is made of.
+#[derive(Deserialize)]
+struct TrajectoryParts {
+    basis: Basis,
+    start: Vec<f64>,
+    coefficients: Vec<f64>,
+}
+
+impl TryFrom<TrajectoryParts> for Trajectory {
+    type Error = String;
+
+    fn try_from(parts: TrajectoryParts) -> Result<Self, String> {
+        let TrajectoryParts { basis, start, coefficients } = parts;
+        basis.require_valid().map_err(|error| error.to_string())?;
+        let fits = start.len().checked_mul(basis.len()) == Some(coefficients.len());
+        if !fits || start.iter().chain(&coefficients).any(|number| !number.is_finite()) {
+            return Err("not a trajectory: its parts do not belong together".into());
+        }
+        Ok(Self { basis, start, coefficients })
+    }
 }
 
 impl Trajectory {

@@ -15,6 +15,8 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
+use derive_setters::Setters;
+
 use self::program::FormulaProgram;
 use crate::atomic_file;
 use crate::effects::Effect;
@@ -65,7 +67,9 @@ impl FromStr for Language {
 }
 
 /// How a model is exported.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Setters)]
+#[setters(prefix = "with_")]
+#[non_exhaustive]
 pub struct ExportOptions {
     /// Language of the file.
     pub language: Language,
@@ -80,7 +84,7 @@ pub struct ExportOptions {
 impl ExportOptions {
     /// Code for a controller: the torque that the arm needs.
     pub fn new(language: Language) -> Self {
-        let stream = StreamOptions { purpose: Purpose::FeedForward, ..StreamOptions::default() };
+        let stream = StreamOptions::default().with_purpose(Purpose::FeedForward);
         Self { language, precision: Precision::Double, name: None, stream }
     }
 }

@@ -28,6 +28,7 @@ const MEMORIES_PER_BLOCK: f64 = 10.0;
 
 /// Replicated estimates, expanded as few blocks require.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct Bootstrap {
     /// `[replicates, rank]`
     pub estimates: Vec<Vec<f64>>,

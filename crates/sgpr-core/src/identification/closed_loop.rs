@@ -1,5 +1,7 @@
 //! The arm under its controller: the motion that a set of parameters makes of a reference.
 
+use derive_setters::Setters;
+
 use sgpr_predict::internal::BARELY_MOVING;
 
 use super::ParameterSet;
@@ -8,7 +10,9 @@ use crate::effects::JointState;
 use crate::robot::Robot;
 
 /// The controller of a trajectory, continuous in time: tau = feed-forward + kp (reference - q) + kd (its speed - dq).
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Setters)]
+#[setters(prefix = "with_")]
+#[non_exhaustive]
 pub struct ClosedLoop<'a> {
     /// Reference at the samples of the trajectory; its accelerations are not used. Between samples it is a cubic.
     pub reference: Samples<'a>,
@@ -22,6 +26,15 @@ pub struct ClosedLoop<'a> {
     pub rate_hz: f64,
     /// Integration steps per sample.
     pub steps: usize,
+}
+
+impl<'a> ClosedLoop<'a> {
+    /// A loop without feed-forward, one integration step per sample.
+    ///
+    /// - `kp`, `kd`: `[n]`, N·m/rad (N/m) and N·m·s/rad (N·s/m)
+    pub fn new(reference: Samples<'a>, kp: &'a [f64], kd: &'a [f64], rate_hz: f64) -> Self {
+        Self { reference, feed_forward: None, kp, kd, rate_hz, steps: 1 }
+    }
 }
 
 /// A simulated motion, `[samples, n]`.

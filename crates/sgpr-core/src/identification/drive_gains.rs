@@ -15,6 +15,7 @@
 //! Sources: M. Gautier, S. Briot, Global identification of drive gains parameters of robots using a known payload, J.
 //! Dynamic Systems, Measurement, Control 136(5) (2014); C. Gaz, F. Flacco, A. De Luca (2014) for known payloads.
 
+use derive_setters::Setters;
 use faer::Mat;
 
 use super::consistency::{Carrier, KnownPayload, bounded_least_squares};
@@ -39,7 +40,9 @@ pub enum GainEstimator {
 }
 
 /// What is known beforehand.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Setters)]
+#[setters(prefix = "with_")]
+#[non_exhaustive]
 pub struct GainOptions {
     /// Link that holds the payload.
     pub link: usize,
@@ -54,8 +57,18 @@ pub struct GainOptions {
     pub consistency: Option<Consistency>,
 }
 
+impl GainOptions {
+    /// Gains by maximum likelihood, without bounds.
+    ///
+    /// - `link`: index of the link that holds the payload
+    pub fn new(link: usize, known: KnownPayload) -> Self {
+        Self { link, known, estimator: GainEstimator::default(), lowest: Vec::new(), consistency: None }
+    }
+}
+
 /// Gains of all drives.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct DriveGains {
     /// Torque per unit of what was given as torque, `[n]`: N·m/A for currents in A, 1 for torques in N·m.
     pub gains: Vec<f64>,

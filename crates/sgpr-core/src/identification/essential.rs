@@ -16,6 +16,7 @@ use crate::linalg::triangle;
 
 /// Base parameters in the order in which they can go.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Essential {
     /// Base parameters that stay, ascending.
     pub kept: Vec<usize>,
@@ -31,6 +32,7 @@ pub struct Essential {
 
 /// A base parameter that the data do not support.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Dropped {
     /// Index of the base parameter.
     pub base: usize,

@@ -1,6 +1,7 @@
 //! How much data is enough: what uncertain parameters bring to the torque of other motion.
 
 use faer::Mat;
+use serde::{Deserialize, Serialize};
 
 use super::{BaseParameters, IdentificationError, JointFactor, Observation, ParameterSet, Trajectory};
 use crate::dynamics::Samples;
@@ -13,7 +14,8 @@ use sgpr_numeric::internal::Random;
 /// [`optimise`](crate::excitation::optimise). Other motion is one in which every joint has a position, speed and acceleration
 /// that it had in the logs, each joint at another time, and half of them on the way back. What the parameters do not know is
 /// their covariance, its part of the data in proportion to the time; torque that the model has no law for is not in it.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct Forecast {
     /// Seconds of logs: those that there are, or one repetition of the motion, then twice, four times as long and so on.
     pub seconds: Vec<f64>,

@@ -14,6 +14,7 @@ use crate::spatial::STANDARD_PARAMETER_NAMES;
 
 /// Where a parameter of the link behind a joint goes: factors on the parameters of the link before it, and on its own.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Regrouping {
     /// The parameter that goes, an index into [`STANDARD_PARAMETER_NAMES`].
     pub source: usize,
@@ -25,6 +26,7 @@ pub struct Regrouping {
 
 /// A factor on a parameter.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct RegroupingFactor {
     /// The parameter that gains, an index into [`STANDARD_PARAMETER_NAMES`].
     pub parameter: usize,

@@ -9,6 +9,7 @@ use statrs::distribution::{ContinuousCDF, Normal, StudentsT};
 /// Source: L. Breiman, J. H. Friedman, R. A. Olshen, C. J. Stone, Classification and Regression Trees (1984), section
 /// 3.4.3: the simpler model, unless the other is better by more than one standard error.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Judgement {
     /// What the second model saves, as a share of the error of the first; negative if it is worse.
     pub gain: f64,

@@ -1,5 +1,6 @@
 //! Least squares on the factors of an [`Observation`](super::Observation).
 
+use derive_setters::Setters;
 use faer::linalg::matmul::matmul;
 use faer::{Accum, Mat, Par};
 
@@ -93,7 +94,9 @@ impl Method {
 }
 
 /// Least squares for the base parameters of a robot.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Setters)]
+#[setters(prefix = "with_")]
+#[non_exhaustive]
 pub struct LeastSquares {
     /// Weights; those of `Wls` for methods that begin with it.
     pub method: Method,
@@ -104,6 +107,7 @@ pub struct LeastSquares {
 
 /// Estimated base parameters with all that can be said of them.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct Estimate {
     /// Estimates, `[rank]`.
     pub values: Vec<f64>,
@@ -149,6 +153,7 @@ impl Estimate {
 
 /// How well the motion excites the base parameters.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct ParameterExcitation {
     /// Singular values of W, largest first.
     pub singular_values: Vec<f64>,
@@ -164,6 +169,7 @@ pub struct ParameterExcitation {
 
 /// A combination of base parameters that the data do not determine.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct SingularDirection {
     /// Singular value of the scaled W, relative to the largest.
     pub relative_singular_value: f64,

@@ -301,7 +301,7 @@ mod tests {
             ),
             (crate::robot::JointKind::Prismatic, Pose::from_translation(Vector3::new(0.0, 0.0, 1e-6))),
         ] {
-            let joint = Joint { kind, axis: Vector3::new(0.0, 0.0, 1.0), ..robot.joints()[0].clone() };
+            let joint = robot.joints()[0].clone().with_kind(kind).with_axis(Vector3::new(0.0, 0.0, 1.0));
             let step = FrameChange::new(&joint);
             let (before, after) = (body.standard_parameters(), body.expressed_in(&pose).standard_parameters());
             let difference = (dot(&energy, &after) - dot(&energy, &before)) / 1e-6;

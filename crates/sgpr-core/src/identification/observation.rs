@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::ops::Range;
 
+use derive_setters::Setters;
 use faer::Mat;
 use rayon::prelude::*;
 
@@ -354,7 +355,9 @@ impl<'a> Observation<'a> {
 }
 
 /// One uniformly sampled stretch of motion and torque, and how its equations are taken.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Setters)]
+#[setters(prefix = "with_")]
+#[non_exhaustive]
 pub struct Trajectory<'a> {
     /// Motion.
     pub samples: Samples<'a>,
@@ -400,6 +403,7 @@ impl<'a> Trajectory<'a> {
 
 /// One equation, row * base = torque.
 #[derive(Clone, Copy, Debug)]
+#[non_exhaustive]
 pub struct Equation<'a> {
     /// Index of the trajectory.
     pub trajectory: usize,

@@ -6,6 +6,7 @@
 //! Source: W. Khalil, M. Gautier, P. Lemoine, Identification of the payload inertial parameters of industrial
 //! manipulators, IEEE ICRA (2007), method 3 (both logs at once).
 
+use derive_setters::Setters;
 use faer::Mat;
 
 use super::consistency::nearest_body;
@@ -15,7 +16,9 @@ use crate::effects::Role;
 use crate::spatial::PARAMETERS_PER_LINK;
 
 /// How a payload is estimated.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Setters)]
+#[setters(prefix = "with_")]
+#[non_exhaustive]
 pub struct PayloadOptions {
     /// Link that holds it.
     pub link: usize,
@@ -25,8 +28,18 @@ pub struct PayloadOptions {
     pub consistent: bool,
 }
 
+impl PayloadOptions {
+    /// A body, and friction that is the same with and without it.
+    ///
+    /// - `link`: index of the link that holds it
+    pub fn new(link: usize) -> Self {
+        Self { link, friction_may_change: false, consistent: true }
+    }
+}
+
 /// A payload in the frame of the link that holds it.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct Payload {
     /// m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz.
     pub parameters: [f64; PARAMETERS_PER_LINK],

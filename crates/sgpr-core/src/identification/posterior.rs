@@ -26,6 +26,7 @@ pub enum PriorWidth {
 
 /// An estimate and the prior that holds it where the data do not.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct Held {
     /// The posterior mean, and its covariance: that of the estimator where the data speak, the prior's where they do not.
     pub estimate: Estimate,

@@ -2,6 +2,8 @@
 
 use std::sync::Arc;
 
+use serde::{Deserialize, Serialize};
+
 use super::experiment::{select_joints, torque_of};
 use super::{IdentifyError, TorqueModel};
 use crate::dynamics::{Workspace, gravity_torque};
@@ -12,6 +14,7 @@ use crate::signal::LowPass;
 
 /// How well a model predicts the torque of some logs.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Comparison {
     /// Joint by joint.
     pub joints: Vec<JointComparison>,
@@ -29,12 +32,13 @@ pub struct Comparison {
 /// the samples at which the joint moves and which are not at the end of a log. While a joint stands, dry friction holds
 /// it with any torque up to the Coulomb level, and no model can say which; the `with_rests` figure counts those samples
 /// too. The `full_band` figure uses the torque as it was logged.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct JointComparison {
     /// Joint.
     pub joint: String,
     /// Unit of the torque.
-    pub unit: &'static str,
+    pub unit: String,
     /// Samples counted.
     pub samples: usize,
     /// Root mean square of measured minus predicted, N·m (N).
@@ -67,6 +71,7 @@ pub struct JointComparison {
 ///
 /// What passed the filter of the equations is made from what did not when it is asked for, as it is as large.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct LogResidual {
     /// By the model.
     pub predicted: Vec<f64>,
@@ -79,6 +84,7 @@ pub struct LogResidual {
 
 /// Torques of one joint in the band of a model, `[samples]`, N·m (N).
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct InBand {
     /// As logged.
     pub measured: Vec<f64>,
@@ -309,7 +315,7 @@ impl ErrorSums {
         let variance = self.measured - self.mean * self.mean / count;
         JointComparison {
             joint: joint.name.clone(),
-            unit: joint.kind.torque_unit(),
+            unit: joint.kind.torque_unit().into(),
             samples: self.count as usize,
             rmse: (self.residual / count).sqrt(),
             fit_percent: 100.0 * (1.0 - (self.residual / variance).sqrt()),

@@ -5,6 +5,7 @@ use super::{
     Comparison, IdentifyError, Predictor, SemiParametricError, SemiParametricModel, StreamOptions, TorqueModel,
     select_joints,
 };
+use crate::dynamics::Samples;
 use crate::effects::Context;
 use crate::gp::PredictorOptions;
 use crate::motion::{Motion, Processing};
@@ -54,7 +55,7 @@ impl SemiParametricModel {
     ) -> Result<Comparison, SemiParametricError> {
         let (physics, set) = (self.physics(), logs.into());
         let chosen = chosen(physics.robot(), &set, physics.processing())?;
-        let mean = PredictorOptions { variance_rank: Some(0), ..PredictorOptions::default() };
+        let mean = PredictorOptions::default().with_variance_rank(Some(0));
         let predict = |stretch: &Motion, log: &Recording| {
             let source = StreamedLog { log, processing: &chosen, motion };
             let mut predictor = self.predictor(mean, &at_rate(stretch))?;
@@ -72,7 +73,7 @@ fn chosen(robot: &Robot, set: &LogSet, given: Option<&Processing>) -> Result<Pro
 }
 
 fn at_rate(stretch: &Motion) -> StreamOptions {
-    StreamOptions { rate_hz: Some(stretch.rate_hz), ..StreamOptions::default() }
+    StreamOptions::default().with_rate_hz(Some(stretch.rate_hz))
 }
 
 /// Where the motion comes from.
@@ -113,17 +114,8 @@ fn streamed(
 
 /// The channel of each joint's temperature, if there is one for every joint.
 fn temperatures<'a>(robot: &'a Robot, stretch: &'a Motion) -> Option<Vec<&'a [f64]>> {
-    let context = Context {
-        robot,
-        rate_hz: stretch.rate_hz,
-        time: &[],
-        q: &[],
-        dq: &[],
-        ddq: &[],
-        rigid_torque: &[],
-        torque: &[],
-        channels: &stretch.channels,
-    };
+    let samples = Samples { q: &stretch.q, dq: &stretch.dq, ddq: &stretch.ddq };
+    let context = Context::new(robot, stretch.rate_hz, &[], samples).with_channels(&stretch.channels);
     (0..robot.dof()).map(|joint| context.temperature_celsius(joint)).collect()
 }
 

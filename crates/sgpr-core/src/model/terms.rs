@@ -182,17 +182,10 @@ impl TorqueModel {
         rnea_batch(&robot, &mut ws, trajectory.samples, &mut rigid_torque);
         let motion = transforms().any(|term| term.effect.moves_links()).then(|| {
             let mut links = LinkMotion { q: q.to_vec(), dq: dq.to_vec(), ddq: ddq.to_vec() };
-            let context = Context {
-                robot: &robot,
-                rate_hz: trajectory.rate_hz,
-                time: trajectory.time,
-                q,
-                dq,
-                ddq,
-                rigid_torque: &rigid_torque,
-                torque: &rigid_torque,
-                channels: trajectory.channels,
-            };
+            let context = Context::new(&robot, trajectory.rate_hz, trajectory.time, trajectory.samples)
+                .with_rigid_torque(&rigid_torque)
+                .with_torque(&rigid_torque)
+                .with_channels(trajectory.channels);
             transforms().for_each(|t| t.effect.link_motion(t.site, &t.constants, &context, &mut links));
             links
         });
@@ -237,18 +230,10 @@ impl TorqueModel {
     }
 
     pub(crate) fn context<'a>(&self, trajectory: &Trajectory<'a>, rigid: &'a Rigid) -> Context<'a> {
-        let Samples { q, dq, ddq } = trajectory.samples;
-        Context {
-            robot: &rigid.robot,
-            rate_hz: trajectory.rate_hz,
-            time: trajectory.time,
-            q,
-            dq,
-            ddq,
-            rigid_torque: &rigid.rigid_torque,
-            torque: &rigid.torque,
-            channels: trajectory.channels,
-        }
+        Context::new(&rigid.robot, trajectory.rate_hz, trajectory.time, trajectory.samples)
+            .with_rigid_torque(&rigid.rigid_torque)
+            .with_torque(&rigid.torque)
+            .with_channels(trajectory.channels)
     }
 }
 

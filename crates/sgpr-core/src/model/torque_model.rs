@@ -36,6 +36,7 @@ pub struct TorqueModel {
 
 /// What an identification says about its estimates.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct Fit {
     /// Name of the method.
     pub method: String,
@@ -99,6 +100,7 @@ fn of_normal_errors() -> f64 {
 
 /// What physical consistency did to the estimates, and the proof of it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct Certificate {
     /// Link by link.
     pub links: Vec<LinkCertificate>,
@@ -186,6 +188,7 @@ pub struct Provenance {
 
 /// One base parameter for a table.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct BaseParameter {
     /// Parameter that stands for the combination.
     pub name: String,

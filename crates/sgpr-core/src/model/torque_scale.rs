@@ -70,18 +70,12 @@ pub fn torque_scale(robot: &Robot, recording: &Recording) -> Result<Option<Issue
     let factor =
         (loaded.iter().map(|&j| measured[j]).sum::<f64>() / loaded.iter().map(|&j| weight[j]).sum::<f64>()).sqrt();
     let size = if (1.0..1e6).contains(&factor) { format!("{factor:.0}") } else { format!("{factor:.2e}") };
-    Ok(Some(Issue {
-        kind: IssueKind::TorqueScale,
-        severity: Severity::Error,
-        time: None,
-        channel: None,
-        count: loaded.len(),
-        message: format!(
-            "the torques are {size} times what gravity asks of the arm in the robot file: give their unit with \
+    let message = format!(
+        "the torques are {size} times what gravity asks of the arm in the robot file: give their unit with \
              `units.torque` (mNm, kNm), make torques of motor currents with `torque_constants`, or correct the masses of \
              the robot file; if all is right, confirm it (accept: torque_scale)"
-        ),
-    }))
+    );
+    Ok(Some(Issue::of_log(IssueKind::TorqueScale, Severity::Error, loaded.len(), message)))
 }
 
 /// Mean square of the torque of gravity at each joint over poses of the whole range, (N·m)² (N²).

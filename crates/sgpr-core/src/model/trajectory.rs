@@ -1,5 +1,7 @@
 //! What effects beside the rigid body are computed from.
 
+use derive_setters::Setters;
+
 use crate::dynamics::Samples;
 use crate::effects::LinkMotion;
 use crate::motion::Motion;
@@ -7,7 +9,9 @@ use crate::recording::Channel;
 use crate::robot::Robot;
 
 /// Evenly sampled motion with what effects may depend on beside it. Arrays are `[samples, n]`, row-major, SI.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Setters)]
+#[setters(prefix = "with_")]
+#[non_exhaustive]
 pub struct Trajectory<'a> {
     /// Joint motion.
     pub samples: Samples<'a>,

@@ -435,24 +435,17 @@ impl<'a> TermFit<'a> {
         let mut all = Vec::new();
         for term in model.terms() {
             for parameter in term.effect.parameters() {
-                all.push(TrajectoryColumn {
-                    name: name(term, parameter.symbol),
-                    unit: parameter.unit_at(kind(term)),
-                    joint: own_joint(term),
-                    non_negative: parameter.non_negative,
-                    size: 0.0,
-                });
+                let (name, unit) = (name(term, parameter.symbol), parameter.unit_at(kind(term)));
+                let mut column = TrajectoryColumn::new(name, unit, own_joint(term), 0.0);
+                column.non_negative = parameter.non_negative;
+                all.push(column);
             }
         }
         for unknown in unknowns {
             let term = &model.terms()[unknown.term];
-            all.push(TrajectoryColumn {
-                name: format!("{}{}", term.prefix(robot), term.effect.constants()[unknown.index].symbol),
-                unit: "1",
-                joint: own_joint(term).filter(|_| !term.is_transform()),
-                non_negative: false,
-                size: 0.0,
-            });
+            let name = format!("{}{}", term.prefix(robot), term.effect.constants()[unknown.index].symbol);
+            let joint = own_joint(term).filter(|_| !term.is_transform());
+            all.push(TrajectoryColumn::new(name, "1", joint, 0.0));
         }
         all
     }

@@ -28,7 +28,8 @@ use crate::signal::LowPass;
 use standstill::{rows_of, separate_rests};
 
 /// One uniformly sampled stretch of a log, processed. Arrays are `[samples, n]`, row-major, SI.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
+#[non_exhaustive]
 pub struct Motion {
     /// Where it comes from.
     pub source: String,

@@ -3,6 +3,7 @@ use crate::recording::Recording;
 
 /// A periodic motion averaged over its periods, and how much the periods differ.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct PeriodAverage {
     /// One period: mean position, velocity and torque.
     pub recording: Recording,

@@ -1,3 +1,4 @@
+use derive_setters::Setters;
 use serde::{Deserialize, Serialize};
 
 use super::{MotionError, uniform_rate};
@@ -8,7 +9,9 @@ use sgpr_predict::names::counted;
 use crate::signal::{CutoffChoice, Differentiation, choose_cutoff};
 
 /// What the user asks for; what is left open is chosen from the logs.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Setters)]
+#[setters(prefix = "with_")]
+#[non_exhaustive]
 pub struct Conditioning {
     /// Cut-off of the position filter, Hz; from the spectrum if `None`.
     pub cutoff_hz: Option<f64>,
@@ -55,6 +58,7 @@ pub enum TorqueBand {
 
 /// What is done to every log, with all choices made. Kept with the model.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct Processing {
     /// Cut-off of the position filter, Hz.
     pub cutoff_hz: f64,

@@ -110,11 +110,19 @@ impl Controller for Pd {
 
 /// u = model(q_d, dq_d, ddq_d) + Kp (q_d - q) + Kd (dq_d - dq) (thesis eq. 5-1).
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct FeedForward<M> {
     /// Model of the torque of the wanted motion.
     pub model: M,
     /// Gains.
     pub gains: Gains,
+}
+
+impl<M> FeedForward<M> {
+    /// Both for the same joints.
+    pub fn new(model: M, gains: Gains) -> Self {
+        Self { model, gains }
+    }
 }
 
 impl<M: InverseDynamics> Controller for FeedForward<M> {
@@ -162,11 +170,19 @@ impl<M: InverseDynamics> Controller for ComputedTorque<M> {
 /// R. Panja, Globally asymptotically stable 'PD+' controller for robot manipulators, Int. J. Control 47 (1988), whose
 /// Coriolis forces have one measured and one wanted velocity.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct JointImpedance<M> {
     /// Model of the torque at the measured position.
     pub model: M,
     /// Stiffness K as `kp`, damping D as `kd`.
     pub gains: Gains,
+}
+
+impl<M> JointImpedance<M> {
+    /// Both for the same joints.
+    pub fn new(model: M, gains: Gains) -> Self {
+        Self { model, gains }
+    }
 }
 
 impl<M: InverseDynamics> Controller for JointImpedance<M> {

@@ -1,5 +1,7 @@
 //! What turns a joint: rotor and friction.
 
+use derive_setters::Setters;
+
 use super::SimulationError;
 use crate::robot::Robot;
 
@@ -10,7 +12,9 @@ use crate::robot::Robot;
 ///
 /// Source: B. Armstrong-Hélouvry, P. Dupont, C. Canudas de Wit, A survey of models, analysis tools and compensation
 /// methods for the control of machines with friction, Automatica 30(7) (1994), section 2.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Setters)]
+#[setters(prefix = "with_")]
+#[non_exhaustive]
 pub struct Drive {
     /// Inertia Ia = gear ratio² · motor inertia, kg·m².
     pub rotor_inertia: f64,
@@ -25,7 +29,9 @@ pub struct Drive {
 }
 
 /// A motor with its gear, as data sheets give it: on the motor side.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Setters)]
+#[setters(prefix = "with_")]
+#[non_exhaustive]
 pub struct Motor {
     /// kg·m².
     pub inertia: f64,
@@ -35,6 +41,13 @@ pub struct Motor {
     pub coulomb_friction: [f64; 2],
     /// Turns of the motor per turn of the joint; its sign does not matter here.
     pub gear_ratio: f64,
+}
+
+impl Motor {
+    /// A motor without friction.
+    pub fn new(inertia: f64, gear_ratio: f64) -> Self {
+        Self { inertia, viscous_friction: 0.0, coulomb_friction: [0.0; 2], gear_ratio }
+    }
 }
 
 impl Drive {

@@ -7,6 +7,7 @@ use crate::spatial::PARAMETERS_PER_LINK;
 
 /// What is picked up, by which link, and when.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct PickUp {
     /// Time, s: a whole number of record periods after the start, before the end.
     pub time: f64,
@@ -17,6 +18,13 @@ pub struct PickUp {
 }
 
 impl PickUp {
+    /// - `time`: s
+    /// - `link`: index of the link that holds it
+    /// - `parameters`: in the frame of the link
+    pub fn new(time: f64, link: usize, parameters: [f64; PARAMETERS_PER_LINK]) -> Self {
+        Self { time, link, parameters }
+    }
+
     /// The arm with what it holds.
     ///
     /// # Panics

@@ -1,10 +1,14 @@
 //! What a controller sees of the arm.
 
+use derive_setters::Setters;
+
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 
 /// Encoders, noise of position and torque; per joint, an empty list for none.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Setters)]
+#[setters(prefix = "with_")]
+#[non_exhaustive]
 pub struct Sensors {
     /// Step of the encoder, rad (m); zero for none.
     pub position_resolution: Vec<f64>,

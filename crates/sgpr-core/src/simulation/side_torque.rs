@@ -98,10 +98,13 @@ impl SteppedTerms {
         torque.copy_from_slice(rigid);
         model.parameter_set().add_effect_torque(model.parameters(), motion, torque);
         let (rigid_torque, temperature_celsius) = (&*rigid, &*temperature);
-        let input = SampleInput { robot, rate_hz, time, q, dq, ddq, rigid_torque, torque, temperature_celsius };
+        let input = SampleInput::new(robot, rate_hz, time, *motion)
+            .with_rigid_torque(rigid_torque)
+            .with_torque(torque)
+            .with_temperature_celsius(temperature_celsius);
         if !*started {
             let rest = &vec![0.0; q.len()];
-            terms.start(&StreamStart::AtRest, &SampleInput { dq: rest, ddq: rest, ..input }, ws);
+            terms.start(&StreamStart::AtRest, &input.with_dq(rest).with_ddq(rest), ws);
             *started = true;
         }
         terms.add_torque(&input, ws, tau);

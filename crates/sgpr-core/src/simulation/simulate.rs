@@ -1,5 +1,7 @@
 //! A whole experiment: an arm, a controller, a motion to follow.
 
+use derive_setters::Setters;
+
 use super::controller::{Controller, Measurement, Setpoint};
 use super::sensors::{NormalNumbers, Sensors, VelocitySensor, add_noise};
 use super::{Reference, SimulationError, Simulator};
@@ -7,7 +9,9 @@ use crate::progress::Progress;
 use crate::recording::Recording;
 
 /// How an experiment is run. All times are whole numbers of simulation steps.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Setters)]
+#[setters(prefix = "with_")]
+#[non_exhaustive]
 pub struct Experiment {
     /// Time from one call of the controller to the next, s.
     pub control_period: f64,
@@ -38,7 +42,8 @@ impl Default for Experiment {
 }
 
 /// What happened, sample by sample; every array `[samples, n]`, row-major, SI.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
+#[non_exhaustive]
 pub struct SimulationRecord {
     /// Names of the joints.
     pub joint_names: Vec<String>,

@@ -69,8 +69,7 @@ impl Reference {
 
     pub fn by_urdf(&self) -> Robot {
         let file = self.info["urdf"].as_str().expect("a file name");
-        let options =
-            UrdfOptions { joints: Some(self.joint_names()), gravity: self.gravity(), ..UrdfOptions::default() };
+        let options = UrdfOptions::default().with_joints(Some(self.joint_names())).with_gravity(self.gravity());
         Robot::from_urdf(data(&format!("reference/urdf/{file}")), &options).expect("a valid robot")
     }
 
@@ -84,7 +83,7 @@ impl Reference {
         let inertia: Vec<[[f64; 3]; 3]> = serde_json::from_value(dh["inertia_com"].clone()).expect("matrices");
         let row = |i: usize| {
             let row = DhRow::revolute(a[i], alpha[i], d[i], theta[i]).with_body(mass[i], com[i], inertia[i]);
-            DhRow { prismatic: sigma[i] == 1.0, ..row }
+            row.with_prismatic(sigma[i] == 1.0)
         };
         Some((0..a.len()).map(row).collect())
     }

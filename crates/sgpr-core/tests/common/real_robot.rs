@@ -36,14 +36,13 @@ impl Case {
             let wanted = files.filter(|(_, details)| details["role"].as_str().expect("a role").starts_with(role));
             let read = |(file, details): (&String, &serde_json::Value)| {
                 let rows: Option<[usize; 2]> = serde_json::from_value(details["rows_1based"].clone()).expect("rows");
-                let options = ReadOptions {
-                    joints: Some(robot.joint_names().map(String::from).collect()),
-                    accept: vec![IssueKind::JointsByOrder],
-                    rows: rows.map(|[first, last]| Rows::Numbers(first..=last)),
-                    torque_constants: serde_json::from_value(description["drive_gain_Nm_per_A"].clone())
-                        .expect("gains"),
-                    ..ReadOptions::default()
-                };
+                let options = ReadOptions::default()
+                    .with_joints(Some(robot.joint_names().map(String::from).collect()))
+                    .with_accept(vec![IssueKind::JointsByOrder])
+                    .with_rows(rows.map(|[first, last]| Rows::Numbers(first..=last)))
+                    .with_torque_constants(
+                        serde_json::from_value(description["drive_gain_Nm_per_A"].clone()).expect("gains"),
+                    );
                 let log = csv::read(folder.join(file), &options).expect("a readable log");
                 repair(&log, request).expect("time increases").0
             };

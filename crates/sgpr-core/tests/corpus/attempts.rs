@@ -50,10 +50,10 @@ fn row(numbers: &[f64]) -> DhRow {
 /// A log as a table.
 pub fn csv(bytes: &[u8]) {
     let path = on_disk(bytes);
-    let any = ReadOptions { limit_bytes: LIMIT, ..ReadOptions::default() };
+    let any = ReadOptions::default().with_limit_bytes(LIMIT);
     let joints = Some(vec!["shoulder".into(), "joint_2".into()]);
     let accept = vec![IssueKind::JointsByOrder];
-    let of_robot = ReadOptions { joints, accept, torque_constants: Some(vec![2.0, 3.0]), ..any.clone() };
+    let of_robot = any.clone().with_joints(joints).with_accept(accept).with_torque_constants(Some(vec![2.0, 3.0]));
     for options in [any, of_robot] {
         if let Ok(recording) = csv::read(&path, &options) {
             look_at(&recording);
@@ -65,7 +65,7 @@ pub fn csv(bytes: &[u8]) {
 pub fn mcap(bytes: &[u8]) {
     let path = on_disk(bytes);
     for recover in [false, true] {
-        if let Ok(recording) = mcap::read(&path, &McapOptions { limit_bytes: LIMIT, recover, ..McapOptions::default() })
+        if let Ok(recording) = mcap::read(&path, &McapOptions::default().with_limit_bytes(LIMIT).with_recover(recover))
         {
             look_at(&recording);
         }
@@ -120,15 +120,13 @@ fn move_it(robot: &Robot) {
 
 fn look_at(recording: &Recording) {
     inspect(recording);
-    let request = Repair {
-        sort: true,
-        drop_duplicates: true,
-        drop_not_finite: true,
-        replace_strays: true,
-        drop_repeated: true,
-        resample: Some(Resample::MedianRate),
-        ..Repair::default()
-    };
+    let request = Repair::default()
+        .with_sort(true)
+        .with_drop_duplicates(true)
+        .with_drop_not_finite(true)
+        .with_replace_strays(true)
+        .with_drop_repeated(true)
+        .with_resample(Some(Resample::MedianRate));
     let _ = repair(recording, &request);
 }
 

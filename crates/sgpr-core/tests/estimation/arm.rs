@@ -48,14 +48,7 @@ impl Experiment {
     }
 
     pub fn closed_loop(&self) -> ClosedLoop<'_> {
-        ClosedLoop {
-            reference: self.reference.samples(),
-            feed_forward: None,
-            kp: &self.kp,
-            kd: &self.kd,
-            rate_hz: RATE,
-            steps: 5,
-        }
+        ClosedLoop::new(self.reference.samples(), &self.kp, &self.kd, RATE).with_steps(5)
     }
 
     /// What the arm with these parameters does.
@@ -83,7 +76,7 @@ impl Experiment {
         tau: &[f64],
     ) -> Result<Estimate, IdentificationError> {
         let closed_loop = self.closed_loop();
-        let trajectory = Trajectory { closed_loop: Some(&closed_loop), ..Trajectory::new(motion.samples(), tau) };
+        let trajectory = Trajectory::new(motion.samples(), tau).with_closed_loop(Some(&closed_loop));
         let mut equations = Equations::new(&self.robot, &self.set, &self.base, vec![trajectory]);
         let factors = equations.factors()?;
         estimate(method, &mut equations, &factors, &self.nominal(), None)

@@ -2,8 +2,7 @@
 
 use sgpr_core::dynamics::Samples;
 use sgpr_core::identification::{
-    Equations, LeastSquares, Method, Trajectory, block_bootstrap, essential_parameters, hac_covariance,
-    residual_correlation,
+    Equations, LeastSquares, Method, block_bootstrap, essential_parameters, hac_covariance, residual_correlation,
 };
 
 use crate::arm::{Experiment, trajectory};
@@ -50,13 +49,13 @@ fn coverage(memory: f64, parts: usize, seed: u64) -> Coverage {
             let rows = part * SAMPLES / parts * 2..(part + 1) * SAMPLES / parts * 2;
             let samples =
                 Samples { q: &motion.q[rows.clone()], dq: &motion.dq[rows.clone()], ddq: &motion.ddq[rows.clone()] };
-            Trajectory { samples, ..trajectory(&motion, &tau[rows]) }
+            trajectory(&motion, &tau[rows]).with_samples(samples)
         });
         let mut equations = Equations::new(robot, set, base, logs.collect());
         let factors = equations.factors().expect("good data");
         let plain = LeastSquares::new(Method::Wls).solve(&factors, base, &nominal).expect("good data");
         let correlation = residual_correlation(&mut equations, &factors, &plain.values).expect("good data");
-        let remembering = LeastSquares { method: Method::Wls, correlation: Some(correlation.clone()) };
+        let remembering = LeastSquares::new(Method::Wls).with_correlation(Some(correlation.clone()));
         let fit = remembering.solve(&factors, base, &nominal).expect("good data");
         let mut widened = fit.clone();
         widened.widen_for_few_rows(&factors, &correlation);
@@ -164,7 +163,7 @@ fn what_the_data_do_not_support_is_left_out_and_nothing_else() {
             let part = fold * 750 * n..(fold + 1) * 750 * n;
             let samples =
                 Samples { q: &motion.q[part.clone()], dq: &motion.dq[part.clone()], ddq: &motion.ddq[part.clone()] };
-            let trajectory = Trajectory { samples, ..trajectory(&motion, &tau[part]) };
+            let trajectory = trajectory(&motion, &tau[part]).with_samples(samples);
             let equations = Equations::new(&experiment.robot, &experiment.set, &experiment.base, vec![trajectory]);
             equations.factors().expect("good data")
         })

@@ -24,7 +24,7 @@ fn solve(consistency: &Consistency, noise: f64) -> (Experiment, Result<Consisten
 }
 
 fn of_distance(distance: Distance) -> Consistency {
-    Consistency { prior: Prior { distance, relative_deviation: 1.0 }, ..Consistency::default() }
+    Consistency::default().with_prior(Prior::default().with_distance(distance).with_relative_deviation(1.0))
 }
 
 #[test]
@@ -63,8 +63,8 @@ fn data_without_noise_are_no_trouble_to_the_solver() {
 #[test]
 fn a_robot_file_that_says_nothing_of_friction_does_not_draw_it_to_zero() {
     for distance in [Distance::Entropic, Distance::Euclidean] {
-        let prior = Prior { distance, relative_deviation: 0.01 };
-        let (experiment, found) = solve(&Consistency { prior, ..Consistency::default() }, 0.2);
+        let prior = Prior::default().with_distance(distance).with_relative_deviation(0.01);
+        let (experiment, found) = solve(&Consistency::default().with_prior(prior), 0.2);
         let found = found.expect("an arm");
         let effects = experiment.set.inertial()..;
         for ((value, truth), name) in found.parameters[effects.clone()]
@@ -81,15 +81,14 @@ fn a_robot_file_that_says_nothing_of_friction_does_not_draw_it_to_zero() {
 #[test]
 fn limits_are_kept_and_named_where_they_matter() {
     let region = Region::Ellipsoid { centre: [0.5, 0.0, 0.0], half_axes: [0.05, 0.1, 0.1] };
-    let bounds = PhysicalBounds {
-        links: vec![
-            LinkBounds { joint: "joint_1".into(), mass: Some([0.5, 3.0]), centre: None },
-            LinkBounds { joint: "joint_2".into(), mass: Some([1.4, 1.5]), centre: Some(region) },
-        ],
-        total_mass: Some([1.0, 4.0]),
-        parameters: vec![ParameterBounds { name: "joint_1.Fv".into(), lowest: Some(0.6), highest: None }],
-    };
-    let (_, found) = solve(&Consistency { bounds, ..of_distance(Distance::Entropic) }, 0.2);
+    let bounds = PhysicalBounds::default()
+        .with_links(vec![
+            LinkBounds::new("joint_1").with_mass(Some([0.5, 3.0])),
+            LinkBounds::new("joint_2").with_mass(Some([1.4, 1.5])).with_centre(Some(region)),
+        ])
+        .with_total_mass(Some([1.0, 4.0]))
+        .with_parameters(vec![ParameterBounds::new("joint_1.Fv").with_lowest(Some(0.6))]);
+    let (_, found) = solve(&of_distance(Distance::Entropic).with_bounds(bounds), 0.2);
     let found = found.expect("an arm");
     assert!((1.4 - 1e-4..1.5 + 1e-4).contains(&found.links[1].mass), "{}", found.links[1].mass);
     assert!((found.links[1].centre[0] - 0.5).abs() < 0.0501);
@@ -98,21 +97,19 @@ fn limits_are_kept_and_named_where_they_matter() {
 
 #[test]
 fn limits_that_contradict_each_other_are_named_and_no_others() {
-    let link = |joint: &str, mass| LinkBounds { joint: joint.into(), mass: Some(mass), centre: None };
-    let bounds = PhysicalBounds {
-        links: vec![link("joint_1", [2.0, 9.0]), link("joint_2", [1.0, 9.0])],
-        total_mass: Some([0.0, 2.5]),
-        ..PhysicalBounds::default()
-    };
-    let (_, found) = solve(&Consistency { bounds, ..Consistency::default() }, 0.1);
+    let link = |joint: &str, mass| LinkBounds::new(joint).with_mass(Some(mass));
+    let bounds = PhysicalBounds::default()
+        .with_links(vec![link("joint_1", [2.0, 9.0]), link("joint_2", [1.0, 9.0])])
+        .with_total_mass(Some([0.0, 2.5]));
+    let (_, found) = solve(&Consistency::default().with_bounds(bounds), 0.1);
     let message = found.expect_err("no arm").to_string();
     for word in ["`joint_1` at least 2 kg", "`joint_2` at least 1 kg", "all links together at most 2.5 kg"] {
         assert!(message.contains(word), "{message}");
     }
     assert!(!message.contains("at most 9"), "{message}");
 
-    let bounds = PhysicalBounds { links: vec![link("joint_2", [2.0, 1.0])], ..PhysicalBounds::default() };
-    let (_, found) = solve(&Consistency { bounds, ..Consistency::default() }, 0.1);
+    let bounds = PhysicalBounds::default().with_links(vec![link("joint_2", [2.0, 1.0])]);
+    let (_, found) = solve(&Consistency::default().with_bounds(bounds), 0.1);
     let message = found.expect_err("no arm").to_string();
     assert!(message.contains("at least 2 kg") && message.contains("at most 1 kg"), "{message}");
 }
@@ -120,24 +117,22 @@ fn limits_that_contradict_each_other_are_named_and_no_others() {
 #[test]
 fn limits_on_what_is_not_there_are_refused() {
     let bad = |bounds: PhysicalBounds| {
-        let (_, found) = solve(&Consistency { bounds, ..Consistency::default() }, 0.1);
+        let (_, found) = solve(&Consistency::default().with_bounds(bounds), 0.1);
         found.expect_err("refused").to_string()
     };
-    let links = vec![LinkBounds { joint: "elbow".into(), mass: None, centre: None }];
-    assert!(bad(PhysicalBounds { links, ..PhysicalBounds::default() }).contains("elbow"));
-    let parameters = vec![ParameterBounds { name: "joint_1.Q".into(), lowest: Some(0.0), highest: None }];
-    assert!(bad(PhysicalBounds { parameters, ..PhysicalBounds::default() }).contains("joint_1.Q"));
-    assert!(bad(PhysicalBounds { total_mass: Some([f64::NAN, 1.0]), ..PhysicalBounds::default() }).contains("number"));
+    let links = vec![LinkBounds::new("elbow")];
+    assert!(bad(PhysicalBounds::default().with_links(links)).contains("elbow"));
+    let parameters = vec![ParameterBounds::new("joint_1.Q").with_lowest(Some(0.0))];
+    assert!(bad(PhysicalBounds::default().with_parameters(parameters)).contains("joint_1.Q"));
+    assert!(bad(PhysicalBounds::default().with_total_mass(Some([f64::NAN, 1.0]))).contains("number"));
 }
 
 #[test]
 fn the_limit_that_is_wrong_is_the_dearest() {
     // Friction of joint 1 is 0.5 N·m·s/rad; a limit far above it costs most of what the limits cost together.
-    let parameters = vec![ParameterBounds { name: "joint_1.Fv".into(), lowest: Some(1.5), highest: None }];
-    let consistency = Consistency {
-        bounds: PhysicalBounds { parameters, ..PhysicalBounds::default() },
-        ..of_distance(Distance::Euclidean)
-    };
+    let parameters = vec![ParameterBounds::new("joint_1.Fv").with_lowest(Some(1.5))];
+    let consistency =
+        of_distance(Distance::Euclidean).with_bounds(PhysicalBounds::default().with_parameters(parameters));
     let experiment = Experiment::new(1500);
     let motion = experiment.run(&experiment.truth);
     let mut random = Noise(7);

@@ -2,8 +2,7 @@
 //! some.
 
 use sgpr_core::identification::{
-    Equations, Estimate, IdentificationError, JointFactor, Method, Row, SimulatedMotion, Trajectory, estimate,
-    residual_correlation,
+    Equations, Estimate, IdentificationError, JointFactor, Method, Row, SimulatedMotion, estimate, residual_correlation,
 };
 
 use crate::arm::{Experiment, largest_difference, trajectory};
@@ -49,7 +48,7 @@ fn a_few_rows_at_rest_do_not_take_over() {
         rows[2 * k] = Row::Resting;
         tau[2 * k] += 3.0;
     }
-    let trajectory = Trajectory { use_as: Some(&rows), ..trajectory(&motion, &tau) };
+    let trajectory = trajectory(&motion, &tau).with_use_as(Some(&rows));
     for method in [Method::Wls, Method::HUBER] {
         let mut equations = Equations::new(&experiment.robot, &experiment.set, &experiment.base, vec![trajectory]);
         let factors = equations.factors().expect("good data");

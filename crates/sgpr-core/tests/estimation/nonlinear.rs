@@ -51,7 +51,9 @@ fn log_with(robot: &Robot, terms: &[Term], seconds: f64, phase: f64, noise: f64,
     let temperature = Channel { name: "temperature".into(), values: time.iter().map(|t| 20.0 + t).collect() };
     let channels = vec![temperature];
     let samples = Samples { q: &q, dq: &dq, ddq: &ddq };
-    let torque = model.predict_trajectory(&Trajectory { samples, rate_hz: RATE, time: &time, channels: &channels });
+    let torque = model.predict_trajectory(
+        &Trajectory::of_samples(samples).with_rate_hz(RATE).with_time(&time).with_channels(&channels),
+    );
     let tau = torque.into_iter().map(|tau| tau + noise * random.normal()).collect();
     let stamps = time.iter().map(|t| (t * 1e9).round() as i64).collect();
     let names = robot.joint_names().map(String::from).collect();
@@ -59,11 +61,9 @@ fn log_with(robot: &Robot, terms: &[Term], seconds: f64, phase: f64, noise: f64,
 }
 
 fn options(more: &[&str]) -> IdentifyOptions {
-    IdentifyOptions {
-        effects: FRICTION.iter().chain(more).map(|name| name.to_string()).collect(),
-        conditioning: Conditioning { cutoff_hz: Some(12.0), ..Conditioning::default() },
-        ..IdentifyOptions::default()
-    }
+    IdentifyOptions::default()
+        .with_effects(FRICTION.iter().chain(more).map(|name| name.to_string()).collect())
+        .with_conditioning(Conditioning::default().with_cutoff_hz(Some(12.0)))
 }
 
 #[test]
@@ -209,10 +209,10 @@ fn a_consistent_arm_with_a_cable_stays_one_when_an_effect_is_added() {
     let cable = [put_in("cable_hysteresis", Site::Joint(1), &[0.3], &[1.5])];
     let (train, test) = ([log(&robot, &cable, 30.0, 0.0, 0.05)], [log(&robot, &cable, 20.0, 0.7, 0.05)]);
     let joint = robot.joint_names().next().expect("a joint").to_string();
-    let links = vec![LinkBounds { joint, mass: Some([0.1, f64::INFINITY]), centre: None }];
-    let bounds = PhysicalBounds { links, ..PhysicalBounds::default() };
-    let consistency = Some(Consistency { bounds: bounds.clone(), ..Consistency::default() });
-    let (model, _) = identify(&robot, &train, &IdentifyOptions { consistency, ..options(&[]) }, &()).expect("an arm");
+    let links = vec![LinkBounds::new(joint).with_mass(Some([0.1, f64::INFINITY]))];
+    let bounds = PhysicalBounds::default().with_links(links);
+    let consistency = Some(Consistency::default().with_bounds(bounds.clone()));
+    let (model, _) = identify(&robot, &train, &options(&[]).with_consistency(consistency), &()).expect("an arm");
     let model = TorqueModel::from_bytes(&model.to_bytes(), "memory").expect("a model");
     let certificate = |model: &TorqueModel| model.fit().and_then(|fit| fit.consistency.clone()).expect("bodies");
     assert_eq!(certificate(&model).bounds, bounds);
@@ -238,11 +238,11 @@ fn what_cannot_be_is_said() {
     assert!(nowhere.to_string().contains("joint_2"), "{nowhere}");
     let whole = failed(&options(&["base_tilt@joint_1"]));
     assert!(whole.to_string().contains("whole arm"), "{whole}");
-    let simulated = failed(&IdentifyOptions {
-        method: Method::OutputError,
-        controller: Some(Controller { kp: vec![1.0; 2], kd: vec![1.0; 2] }),
-        ..options(&["stribeck_friction"])
-    });
+    let simulated = failed(
+        &options(&["stribeck_friction"])
+            .with_method(Method::OutputError)
+            .with_controller(Some(Controller { kp: vec![1.0; 2], kd: vec![1.0; 2] })),
+    );
     assert!(matches!(simulated, IdentifyError::NotSimulated { .. }), "{simulated}");
     let names = robot.joint_names().map(String::from).collect();
     let tau = logs[0].torque().map(<[f64]>::to_vec);

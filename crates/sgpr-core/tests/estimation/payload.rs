@@ -85,7 +85,7 @@ fn without_noise_the_payload_comes_back() {
     let (unloaded, loaded) = (puma.run(&[0.0; 10], 0.0, &[1.0; 6], 1), puma.run(&PAYLOAD, 0.0, &[1.0; 6], 2));
     let factors = [&puma.factors(&unloaded)[..], &puma.factors(&loaded)[..]];
     for friction_may_change in [false, true] {
-        let options = PayloadOptions { link: LINK, friction_may_change, consistent: false };
+        let options = PayloadOptions::new(LINK).with_friction_may_change(friction_may_change).with_consistent(false);
         let found =
             identify_payload(&puma.set, &puma.base, factors, &puma.nominal(), None, &options).expect("good data");
         for (value, expected) in found.parameters.iter().zip(PAYLOAD) {
@@ -99,7 +99,7 @@ fn with_noise_the_payload_is_within_its_deviations_and_a_body() {
     let puma = Puma::new();
     let (unloaded, loaded) = (puma.run(&[0.0; 10], 0.5, &[1.0; 6], 3), puma.run(&PAYLOAD, 0.5, &[1.0; 6], 4));
     let factors = [&puma.factors(&unloaded)[..], &puma.factors(&loaded)[..]];
-    let options = PayloadOptions { link: LINK, friction_may_change: false, consistent: true };
+    let options = PayloadOptions::new(LINK);
     let found = identify_payload(&puma.set, &puma.base, factors, &puma.nominal(), None, &options).expect("good data");
     for ((value, expected), deviation) in found.parameters.iter().zip(PAYLOAD).zip(found.standard_deviations()) {
         assert!((value - expected).abs() < 4.0 * deviation, "{value} {expected} {deviation}");
@@ -110,7 +110,7 @@ fn with_noise_the_payload_is_within_its_deviations_and_a_body() {
 }
 
 fn options(known: KnownPayload) -> GainOptions {
-    GainOptions { link: LINK, known, estimator: GainEstimator::MaximumLikelihood, lowest: vec![], consistency: None }
+    GainOptions::new(LINK, known)
 }
 
 #[test]
@@ -135,19 +135,16 @@ fn gains_of_all_drives_follow_from_the_mass_of_the_payload() {
     let (unloaded, loaded) = (puma.run(&[0.0; 10], 0.5, &gains, 5), puma.run(&PAYLOAD, 0.5, &gains, 6));
     let factors = [&puma.factors(&unloaded)[..], &puma.factors(&loaded)[..]];
     let lowest = gains.map(|gain| 0.97 * gain).to_vec();
-    let least_squares =
-        GainOptions { estimator: GainEstimator::LeastSquares, lowest: lowest.clone(), ..options(known) };
+    let least_squares = options(known).with_estimator(GainEstimator::LeastSquares).with_lowest(lowest.clone());
     let found =
         identify_drive_gains(&puma.robot, &puma.set, &puma.base, factors, None, &least_squares).expect("good data");
     assert!(found.gains.iter().zip(&lowest).all(|(gain, lowest)| *gain > lowest - 1e-5), "{:?}", found.gains);
     // Held to bodies the gains are as good, and lower bounds hold for the likelihood too.
     for estimator in [GainEstimator::MaximumLikelihood, GainEstimator::LeastSquares] {
-        let bodies = GainOptions {
-            estimator,
-            lowest: gains.map(|gain| 0.5 * gain).to_vec(),
-            consistency: Some(Consistency::default()),
-            ..options(known)
-        };
+        let bodies = options(known)
+            .with_estimator(estimator)
+            .with_lowest(gains.map(|gain| 0.5 * gain).to_vec())
+            .with_consistency(Some(Consistency::default()));
         let found =
             identify_drive_gains(&puma.robot, &puma.set, &puma.base, factors, None, &bodies).expect("good data");
         for (gain, expected) in found.gains.iter().zip(gains) {

@@ -206,7 +206,7 @@ fn log(seconds: usize, moves: [bool; 2], one_way: [bool; 2], seed: u64) -> Recor
 }
 
 fn options() -> IdentifyOptions {
-    IdentifyOptions { effects: EFFECTS.map(String::from).to_vec(), ..IdentifyOptions::default() }
+    IdentifyOptions::default().with_effects(EFFECTS.map(String::from).to_vec())
 }
 
 #[test]
@@ -251,7 +251,7 @@ fn rich_logs_give_the_bare_estimate_and_short_ones_another() {
     let robot = two_link();
     let of = |seconds, prior| {
         let log = [log(seconds, [true; 2], [false; 2], 8)];
-        identify(&robot, &log, &IdentifyOptions { prior, ..options() }, &()).expect("a good log").0
+        identify(&robot, &log, &options().with_prior(prior), &()).expect("a good log").0
     };
     let values = |seconds, prior| of(seconds, prior).fit().expect("identified").values.clone();
     let chosen = Some(PriorWidth::Chosen);
@@ -296,7 +296,7 @@ fn a_joint_that_hardly_moves_is_held_though_the_others_are_rich() {
     let test = [log_of_six_joints([1.0; 6], 1)];
     let of = |share: f64, prior| {
         let logs = [log_of_six_joints([1.0, 1.0, 1.0, 1.0, share, 1.0], 2)];
-        identify(&robot, &logs, &IdentifyOptions { prior, ..options() }, &()).expect("a usable model").0
+        identify(&robot, &logs, &options().with_prior(prior), &()).expect("a usable model").0
     };
     let is_held = |model: &TorqueModel| model.fit().expect("identified").prior_standard_deviation.is_some();
     let rich = of(1.0, Some(PriorWidth::Chosen));
@@ -323,7 +323,7 @@ fn with_spring(log: &Recording) -> Recording {
 
 #[test]
 fn standard_deviations_of_short_logs_count_what_the_model_lacks() {
-    let options = IdentifyOptions { prior: Some(PriorWidth::Given(1.0)), ..options() };
+    let options = options().with_prior(Some(PriorWidth::Given(1.0)));
     let fit = |log: Recording| identify(&two_link(), &[log], &options, &()).expect("a usable model").0;
     let all = [true; 2];
     let short = |seed: u64| log(4, all, [false; 2], seed);

@@ -114,28 +114,28 @@ fn methods() -> Vec<Method> {
 
 pub(crate) fn options(method: Method) -> IdentifyOptions {
     let effects = ["viscous_friction", "coulomb_friction"].map(String::from).to_vec();
-    IdentifyOptions { effects, method, ..IdentifyOptions::default() }
+    IdentifyOptions::default().with_effects(effects).with_method(method)
 }
 
 /// Ways to identify.
 pub(crate) fn requests() -> Vec<IdentifyOptions> {
-    let with_uncertainty = |uncertainty| IdentifyOptions { uncertainty, ..options(Method::Wls) };
-    let consistent = |cross_validated_prior| IdentifyOptions {
-        consistency: Some(Consistency::default()),
-        cross_validated_prior,
-        ..options(Method::Wls)
+    let with_uncertainty = |uncertainty| options(Method::Wls).with_uncertainty(uncertainty);
+    let consistent = |cross_validated_prior| {
+        options(Method::Wls)
+            .with_consistency(Some(Consistency::default()))
+            .with_cross_validated_prior(cross_validated_prior)
     };
     let mut all: Vec<IdentifyOptions> = methods().into_iter().map(options).collect();
-    all.push(IdentifyOptions { prior: None, ..options(Method::Wls) });
-    all.push(IdentifyOptions { essential: true, ..options(Method::Wls) });
-    all.push(IdentifyOptions { forecast: true, ..options(Method::Wls) });
+    all.push(options(Method::Wls).with_prior(None));
+    all.push(options(Method::Wls).with_essential(true));
+    all.push(options(Method::Wls).with_forecast(true));
     all.extend([consistent(false), consistent(true)]);
     all.extend([Uncertainty::Hac, Uncertainty::Bootstrap { replicates: 20 }].map(with_uncertainty));
     // Hardly more rows than parameters.
     for method in [Method::Wls, Method::Recursive { forgetting: 0.9 }] {
         let mut few = with_uncertainty(Uncertainty::Hac);
         few.conditioning.decimation = Some(250);
-        all.push(IdentifyOptions { method, ..few });
+        all.push(few.with_method(method));
     }
     all
 }
@@ -258,10 +258,7 @@ fn what_makes_the_robot_file_next_to_nothing_has_an_answer_or_is_refused() {
     }
     let tiny = Change::ScaleTorque(9.999999999999999e-33)
         .apply(&Change::ScalePosition(3.885143517485852e-76).apply(&log(0.0)));
-    println!(
-        "{:?}",
-        through_identification(&robot, &[tiny], &IdentifyOptions { prior: None, ..options(Method::Wls) }).err()
-    );
+    println!("{:?}", through_identification(&robot, &[tiny], &options(Method::Wls).with_prior(None)).err());
 }
 
 #[test]
@@ -292,7 +289,7 @@ fn learning_answers_or_says_what_is_wrong() {
     let robot = two_link();
     for change in found_before().iter().chain(&odd()) {
         let logs = [change.apply(&log(0.0)), change.apply(&log(1.0))];
-        let options = SemiParametricOptions { points: 50, identify: options(Method::Wls), ..Default::default() };
+        let options = SemiParametricOptions::default().with_points(50).with_identify(options(Method::Wls));
         let found = fit_semi_parametric(&robot, &logs, &options, &()).map_err(|error| understandable(&error));
         println!("{change:?}: {:?}", found.err());
     }
@@ -330,7 +327,7 @@ proptest! {
     ) {
         let robot = two_link();
         let changed = changes.iter().fold(log(0.0), |log, change| change.apply(&log));
-        let request = Repair { sort: true, drop_duplicates: true, drop_not_finite: true, ..Repair::default() };
+        let request = Repair::default().with_sort(true).with_drop_duplicates(true).with_drop_not_finite(true);
         let logs = repair(&changed, &request).map_or_else(|_| vec![changed.clone()], |(parts, _)| parts);
         let _ = through_identification(&robot, &logs, &options);
     }

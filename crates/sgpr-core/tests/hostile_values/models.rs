@@ -48,7 +48,7 @@ fn ask(model: &TorqueModel) {
     let time: Vec<f64> = (0..SAMPLES).map(|k| k as f64 / RATE_HZ).collect();
     let channels = [Channel { name: "temperature".into(), values: vec![30.0; SAMPLES] }];
     let samples = Samples { q: &q, dq: &dq, ddq: &ddq };
-    let known = Trajectory { samples, rate_hz: RATE_HZ, time: &time, channels: &channels };
+    let known = Trajectory::of_samples(samples).with_rate_hz(RATE_HZ).with_time(&time).with_channels(&channels);
     for trajectory in [known, Trajectory::of_samples(samples)] {
         assert_eq!(model.predict_trajectory(&trajectory).len(), q.len());
     }

@@ -49,7 +49,7 @@ impl Motion {
 
     fn trajectory(&self) -> Trajectory<'_> {
         let samples = Samples { q: &self.q, dq: &self.dq, ddq: &self.ddq };
-        Trajectory { samples, rate_hz: RATE_HZ, time: &self.time, channels: &self.channels }
+        Trajectory::of_samples(samples).with_rate_hz(RATE_HZ).with_time(&self.time).with_channels(&self.channels)
     }
 
     fn row(&self, k: usize, n: usize) -> [&[f64]; 3] {
@@ -68,7 +68,7 @@ impl Motion {
 }
 
 fn options() -> StreamOptions {
-    StreamOptions { rate_hz: Some(RATE_HZ), ..StreamOptions::default() }
+    StreamOptions::default().with_rate_hz(Some(RATE_HZ))
 }
 
 fn rms(values: impl Iterator<Item = f64>) -> f64 {
@@ -238,7 +238,7 @@ fn what_an_effect_needs_is_asked_for() {
         assert!(error.contains(name) && error.contains("rate_hz"), "{error}");
     }
     for rate_hz in [0.0, -5.0, f64::NAN, f64::INFINITY] {
-        let error = plain(&robot).predictor(&StreamOptions { rate_hz: Some(rate_hz), ..none.clone() });
+        let error = plain(&robot).predictor(&none.clone().with_rate_hz(Some(rate_hz)));
         assert!(error.expect_err("no rate").to_string().contains("rate_hz"));
     }
     let warm = with("temperature_dependent_friction", Site::Joint(2));
@@ -247,7 +247,7 @@ fn what_an_effect_needs_is_asked_for() {
     assert!(error.contains("joint_3") || error.contains("set_temperature"), "{error}");
     predictor.set_temperature(&[40.0; 6]).expect("finite");
     assert!(predictor.try_torque(&[0.1; 6], &[0.1; 6], &[0.0; 6]).is_ok());
-    let error = plain(&robot).predictor(&StreamOptions { keep: vec!["payload".into()], ..none });
+    let error = plain(&robot).predictor(&none.with_keep(vec!["payload".into()]));
     assert!(error.expect_err("not there").to_string().contains("`payload`"));
 }
 
@@ -273,11 +273,11 @@ fn feed_forward_holds_what_the_arm_needs() {
     let bare = TorqueModel::with_parameters(&robot, &effects, parameters).expect("known effects");
     let needed = bare.clone().with_terms(of(&arm), Some(0));
     let measured = bare.with_terms([of(&arm), of(&errors)].concat(), Some(0));
-    let feed_forward = StreamOptions { purpose: Purpose::FeedForward, ..options() };
+    let feed_forward = options().with_purpose(Purpose::FeedForward);
     let expected = motion.streamed(&mut needed.predictor(&options()).expect("streams"));
     let found = motion.streamed(&mut measured.predictor(&feed_forward).expect("streams"));
     assert_eq!(expected, found);
-    let kept = StreamOptions { keep: vec!["payload_change".into()], ..feed_forward.clone() };
+    let kept = feed_forward.clone().with_keep(vec!["payload_change".into()]);
     assert_ne!(expected, motion.streamed(&mut measured.predictor(&kept).expect("streams")));
     // The offset that a model has at every joint is one of the log; the friction's step has happened.
     let everywhere = plain(&robot).with_terms(of(&[("friction_step", Site::Joint(0))]), Some(0));

@@ -4,6 +4,7 @@ use sgpr_predict::internal::dot;
 
 /// Columns kept, and how each other column depends on them.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct ColumnSelection {
     /// Indices of independent columns, in the order in which they were offered.
     pub independent: Vec<usize>,

@@ -1,12 +1,16 @@
 use alloc::string::String;
 use alloc::vec::Vec;
 
+use derive_setters::Setters;
+
 use crate::model::StreamedModel;
 use crate::simd::Number;
 use crate::stream::{Plain, Predictor, Purpose, StreamError, StreamOptions};
 
 /// How gravity and friction are compensated.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Setters)]
+#[setters(prefix = "with_")]
+#[non_exhaustive]
 pub struct CompensationOptions {
     /// Share of the friction that is compensated, from 0 to 1: friction that is taken for larger than it is drives the arm.
     pub friction: f64,

@@ -13,6 +13,7 @@ use crate::simd;
 /// because dry friction of a joint that rests, or turns back, has any value up to that at which the joint breaks away,
 /// and no model of the velocity knows which.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct JointError {
     /// While the joint moves, N·m (N).
     pub moving: f64,

@@ -1,6 +1,8 @@
 use alloc::vec::Vec;
 use core::f64::consts::TAU;
 
+use derive_setters::Setters;
+
 use super::JointError;
 use super::joint_error::{ContactFree, RestShare};
 use crate::dynamics::Momentum;
@@ -12,7 +14,9 @@ use crate::simd::Real;
 use crate::stream::{Plain, Predictor, StreamError, StreamOptions};
 
 /// How torque from outside is observed.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Setters)]
+#[setters(prefix = "with_")]
+#[non_exhaustive]
 pub struct ObserverOptions {
     /// Rate of the calls, Hz.
     pub rate_hz: f64,
@@ -95,6 +99,7 @@ const FEWEST: usize = 100;
 
 /// Torque from outside that is larger than the model's errors explain.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Alarm<F = f64> {
     /// Index of the joint whose torque is farthest beyond its threshold.
     pub joint: usize,

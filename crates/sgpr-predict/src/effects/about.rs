@@ -1,7 +1,11 @@
 use core::fmt;
 
+use derive_setters::Setters;
+
 /// What a person should know of an effect.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Setters)]
+#[setters(prefix = "with_")]
+#[non_exhaustive]
 pub struct About<'a> {
     /// How it enters the fit.
     pub class: Class,

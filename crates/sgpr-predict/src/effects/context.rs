@@ -1,7 +1,11 @@
 use alloc::string::{String, ToString};
 
+use derive_setters::Setters;
+
 use super::Channel;
 use super::JointState;
+#[cfg(feature = "simd")]
+use crate::dynamics::Samples;
 use crate::robot::Robot;
 #[cfg(feature = "trajectories")]
 use crate::signal::Differentiation;
@@ -10,7 +14,9 @@ use crate::simd::Number;
 /// A stretch of a trajectory and what a model says of it: everything that an effect may depend on.
 ///
 /// Arrays are `[samples, n]`, row-major, SI.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Setters)]
+#[setters(prefix = "with_")]
+#[non_exhaustive]
 pub struct Context<'a> {
     /// The robot with the inertias of the model.
     pub robot: &'a Robot,
@@ -33,6 +39,13 @@ pub struct Context<'a> {
 }
 
 impl<'a> Context<'a> {
+    /// A motion of which nothing but itself is known: no torques, no channels.
+    #[cfg(feature = "simd")]
+    pub fn new(robot: &'a Robot, rate_hz: f64, time: &'a [f64], motion: Samples<'a>) -> Self {
+        let Samples { q, dq, ddq } = motion;
+        Self { robot, rate_hz, time, q, dq, ddq, rigid_torque: &[], torque: &[], channels: &[] }
+    }
+
     /// Number of joints.
     pub fn dof(&self) -> usize {
         self.robot.dof()

@@ -435,6 +435,7 @@ pub trait Effect: Send + Sync + Debug {
 
 /// A parameter of an effect at one site.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct EffectParameter {
     /// Symbol, as in `joint_2.Fv`.
     pub symbol: &'static str,
@@ -465,6 +466,7 @@ impl EffectParameter {
 
 /// A constant that enters nonlinearly: a Stribeck velocity, a time, a delay.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Constant {
     /// Symbol, as in `joint_2.vs`.
     pub symbol: &'static str,
@@ -696,11 +698,19 @@ pub fn by_name(name: &str) -> Result<Arc<dyn Effect>, UnknownEffect> {
 /// An effect name that the library does not have.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("there is no effect `{name}`{}; {}", suggestion(name, known), choice(known))]
+#[non_exhaustive]
 pub struct UnknownEffect {
     /// Requested name.
     pub name: String,
     /// Names to choose from.
     pub known: Vec<String>,
+}
+
+impl UnknownEffect {
+    /// `name` is none of `known`.
+    pub fn new(name: impl Into<String>, known: Vec<String>) -> Self {
+        Self { name: name.into(), known }
+    }
 }
 
 /// More names than this are looked up, not read in a message.

@@ -4,6 +4,8 @@
 use alloc::string::String;
 use alloc::vec::Vec;
 
+use derive_setters::Setters;
+
 use super::{Context, Effect, JointState, Reach, Site};
 use crate::dynamics::{NumberWorkspace, Workspace, forward_kinematics, regressor, rnea};
 #[cfg(feature = "expressions")]
@@ -17,7 +19,9 @@ use crate::spatial::Pose;
 /// One sample of a motion and what a model says of it: everything that a stepped effect may depend on.
 ///
 /// Arrays are `[n]`, SI.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Setters)]
+#[setters(prefix = "with_")]
+#[non_exhaustive]
 pub struct SampleInput<'a, S: Stepped = f64> {
     /// The robot with the inertias of the model.
     pub robot: &'a Robot,
@@ -39,8 +43,17 @@ pub struct SampleInput<'a, S: Stepped = f64> {
     pub temperature_celsius: &'a [S],
 }
 
+impl<'a, S: Stepped> SampleInput<'a, S> {
+    /// A sample of which nothing but the motion is known: no torques, no temperatures.
+    pub fn new(robot: &'a Robot, rate_hz: f64, time: S::Time, motion: JointState<'a, S>) -> Self {
+        let JointState { q, dq, ddq } = motion;
+        Self { robot, rate_hz, time, q, dq, ddq, rigid_torque: &[], torque: &[], temperature_celsius: &[] }
+    }
+}
+
 /// What an effect carries from sample to sample, and room to work in.
 #[derive(Debug)]
+#[non_exhaustive]
 pub struct StepState<'a, S: Stepped = f64> {
     /// Hidden state, [`Effect::state_len`] numbers.
     pub hidden: &'a mut [S],
@@ -60,7 +73,9 @@ pub struct LinkSample<'a, S = f64> {
 }
 
 /// What an effect depends on beside the motion.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Setters)]
+#[setters(prefix = "with_")]
+#[non_exhaustive]
 pub struct Needs {
     /// The time of the session.
     pub time: bool,

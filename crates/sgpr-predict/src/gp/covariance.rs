@@ -14,6 +14,7 @@ use crate::math::Float;
 /// errors for signal and learns them by heart. `correlated_noise` is a kernel of its own, over an input such as time,
 /// which explains the measurements but is left out of predictions: they are of the signal alone.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct Covariance {
     /// Kernel of the function that is learned.
     pub signal: Kernel,

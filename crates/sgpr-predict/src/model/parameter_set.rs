@@ -29,6 +29,7 @@ pub const BARELY_MOVING: f64 = 1e-9;
 /// A parameter whose column does not follow from the present motion alone, but from the whole trajectory: it comes with
 /// the trajectory, beside its motion.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct TrajectoryColumn {
     /// Name, as `joint_2.Th`.
     pub name: String,
@@ -42,8 +43,16 @@ pub struct TrajectoryColumn {
     pub size: f64,
 }
 
+impl TrajectoryColumn {
+    /// A column that may have either sign.
+    pub fn new(name: String, unit: &'static str, joint: Option<usize>, size: f64) -> Self {
+        Self { name, unit, joint, non_negative: false, size }
+    }
+}
+
 /// One parameter of an effect at a joint.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct EffectColumn {
     /// Index into [`ParameterSet::effects`].
     pub effect: usize,

@@ -2,6 +2,7 @@ use alloc::string::String;
 use alloc::sync::Arc;
 use alloc::vec::Vec;
 
+use derive_setters::Setters;
 use serde::{Deserialize, Serialize};
 
 use crate::effects::parts::SMALLEST_TORQUE;
@@ -19,7 +20,9 @@ pub const LARGEST_POSITION: f64 = 1e9;
 pub const LARGEST_TORQUE: f64 = 1e15;
 
 /// An effect at one site of a robot, with its constants and parameters.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Setters)]
+#[setters(prefix = "with_")]
+#[non_exhaustive]
 pub struct Term {
     /// The effect.
     pub effect: Arc<dyn Effect>,

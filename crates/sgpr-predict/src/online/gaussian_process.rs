@@ -2,6 +2,8 @@
 
 use alloc::vec::Vec;
 
+use derive_setters::Setters;
+
 use super::OnlineError;
 use super::error::{require, require_positive};
 use crate::gp::Kernel;
@@ -9,7 +11,9 @@ use crate::gp::Kernel;
 use crate::math::Float;
 
 /// How many points a process keeps, and which.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Setters)]
+#[setters(prefix = "with_")]
+#[non_exhaustive]
 pub struct Budget {
     /// Most points.
     pub points: usize,

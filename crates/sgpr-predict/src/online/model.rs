@@ -3,6 +3,8 @@
 use alloc::boxed::Box;
 use alloc::vec::Vec;
 
+use derive_setters::Setters;
+
 use super::error::{require, require_positive};
 use super::{Budget, MotionFilter, OnlineError, OnlineGaussianProcess, PayloadOptions, PayloadTracker};
 use crate::control::InverseDynamics;
@@ -14,7 +16,9 @@ use crate::robot::Robot;
 use crate::stream::{Purpose, StreamOptions};
 
 /// What an [`OnlineModel`] follows, and how fast.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Setters)]
+#[setters(prefix = "with_")]
+#[non_exhaustive]
 pub struct OnlineOptions {
     /// Time between updates, s.
     pub period: f64,

@@ -2,6 +2,8 @@
 
 use alloc::vec::Vec;
 
+use derive_setters::Setters;
+
 use super::OnlineError;
 use super::error::require_positive;
 use crate::dynamics::{Workspace, regressor};
@@ -19,7 +21,9 @@ const EXPECTED: f64 = 16.0;
 const FASTEST: f64 = 10.0;
 
 /// How a payload is tracked.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Setters)]
+#[setters(prefix = "with_")]
+#[non_exhaustive]
 pub struct PayloadOptions {
     /// Link that holds it; the last one if `None`.
     pub link: Option<usize>,

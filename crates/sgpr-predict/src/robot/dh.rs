@@ -3,6 +3,8 @@
 use alloc::string::String;
 use alloc::vec::Vec;
 
+use derive_setters::Setters;
+
 use super::{Frame, Joint, JointKind, Limits, Robot, RobotError};
 use crate::spatial::{LinkInertia, Matrix3, Pose, Vector3};
 
@@ -21,7 +23,9 @@ pub enum DhConvention {
 ///
 /// Mass, centre of mass and inertia are given in the DH frame of the row, the inertia about the centre of mass, as
 /// published tables do.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Setters)]
+#[setters(prefix = "with_")]
+#[non_exhaustive]
 pub struct DhRow {
     /// Link length, m.
     pub a: f64,
@@ -68,13 +72,6 @@ impl DhRow {
     #[must_use]
     pub fn with_body(mut self, mass: f64, centre_of_mass: [f64; 3], inertia: [[f64; 3]; 3]) -> Self {
         (self.mass, self.centre_of_mass, self.inertia) = (mass, centre_of_mass, inertia);
-        self
-    }
-
-    /// The row with these limits.
-    #[must_use]
-    pub fn with_limits(mut self, limits: Limits) -> Self {
-        self.limits = limits;
         self
     }
 

@@ -19,7 +19,7 @@ mod write;
 
 use alloc::string::String;
 use alloc::vec::Vec;
-
+use derive_setters::Setters;
 use serde::{Deserialize, Serialize};
 
 #[doc(hidden)]
@@ -77,7 +77,9 @@ impl JointKind {
 }
 
 /// What a joint may do; `None` where the robot file is silent.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, Setters)]
+#[setters(prefix = "with_")]
+#[non_exhaustive]
 pub struct Limits {
     /// Lowest and highest position, rad (m).
     pub position: Option<[f64; 2]>,
@@ -101,7 +103,9 @@ impl Limits {
 }
 
 /// A movable joint and the place of its link.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Setters)]
+#[setters(prefix = "with_")]
+#[non_exhaustive]
 pub struct Joint {
     /// Name, unique in the robot.
     pub name: String,
@@ -119,6 +123,22 @@ pub struct Joint {
     pub damping: f64,
     /// Coulomb friction of the robot file, N·m; not part of the rigid-body dynamics.
     pub friction: f64,
+}
+
+impl Joint {
+    /// A joint on the base that turns or slides along z, without limits and friction.
+    pub fn new(name: impl Into<String>, kind: JointKind) -> Self {
+        Self {
+            name: name.into(),
+            kind,
+            parent: None,
+            placement: Pose::IDENTITY,
+            axis: Vector3::new(0.0, 0.0, 1.0),
+            limits: Limits::default(),
+            damping: 0.0,
+            friction: 0.0,
+        }
+    }
 }
 
 /// A named frame fixed to a link or to the base: a URDF link, a tool.

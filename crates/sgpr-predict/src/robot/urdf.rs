@@ -3,6 +3,8 @@
 use std::collections::{HashMap, HashSet};
 use std::path::Path;
 
+use derive_setters::Setters;
+
 use urdf_rs::JointType;
 
 use super::urdf_fault::{first_fault, line_at};
@@ -19,7 +21,9 @@ const DEEPEST_ELEMENT: usize = 100;
 const MOST_ATTRIBUTES: usize = 100;
 
 /// What to make of a URDF.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Setters)]
+#[setters(prefix = "with_")]
+#[non_exhaustive]
 pub struct UrdfOptions {
     /// Joints that move, base to tip; all movable ones that are not in `locked` if `None`. The others are locked.
     pub joints: Option<Vec<String>>,

@@ -6,6 +6,8 @@ use std::io::Write as _;
 use std::ops::Range;
 use std::path::Path;
 
+use derive_setters::Setters;
+
 use quick_xml::Reader;
 use quick_xml::events::{BytesStart, Event};
 
@@ -14,7 +16,9 @@ use super::{JointKind, Robot, RobotError};
 use crate::spatial::{LinkInertia, Matrix3};
 
 /// What a joint needs beside its link, for [`Robot::to_mjcf`]; zero for nothing.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Setters)]
+#[setters(prefix = "with_")]
+#[non_exhaustive]
 pub struct JointDynamics {
     /// Rotor inertia at the joint, kg·m² (kg).
     pub rotor_inertia: f64,

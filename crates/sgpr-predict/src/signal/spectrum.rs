@@ -6,6 +6,7 @@ use realfft::RealFftPlanner;
 
 /// One-sided power spectral density of a signal.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Spectrum {
     /// Frequencies, Hz, evenly spaced from zero to half the sampling rate.
     pub frequency_hz: Vec<f64>,

@@ -3,6 +3,8 @@ use alloc::vec::Vec;
 use core::fmt;
 use core::str::FromStr;
 
+use derive_setters::Setters;
+
 use crate::effects::{Effect, Origin, Scale};
 use crate::model::{StreamedModel, Term};
 
@@ -50,7 +52,9 @@ impl FromStr for Purpose {
 }
 
 /// How a model is streamed.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Setters)]
+#[setters(prefix = "with_")]
+#[non_exhaustive]
 pub struct StreamOptions {
     /// Rate of the calls, Hz; none is enough where no effect needs time or the time between samples.
     pub rate_hz: Option<f64>,

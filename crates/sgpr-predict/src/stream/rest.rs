@@ -3,6 +3,8 @@
 use alloc::string::String;
 use alloc::vec::Vec;
 
+use derive_setters::Setters;
+
 use super::{Plain, StreamError};
 use crate::dynamics::{Workspace, regressor};
 use crate::effects::JointState;
@@ -28,7 +30,9 @@ pub(super) struct PhysicsAtSample<'a> {
 }
 
 /// How the processes of a learned model are asked.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Setters)]
+#[setters(prefix = "with_")]
+#[non_exhaustive]
 pub struct RestOptions {
     /// Arithmetic.
     pub precision: Precision,

@@ -110,10 +110,10 @@ fn run() -> Option<c_int> {
     fill(&mut bytes);
     let model = StreamedModel::from_bytes(&bytes, "standard input").ok()?;
     let rate_hz = Some(f64::from_le_bytes(number()?));
-    let stream = StreamOptions { rate_hz, purpose: Purpose::ExpectedMeasurement, ..StreamOptions::default() };
+    let stream = StreamOptions::default().with_rate_hz(rate_hz).with_purpose(Purpose::ExpectedMeasurement);
     let mut predictor = model.predictor(&stream).ok()?;
     let mut single_predictor = model.single_predictor(&stream).ok()?;
-    let options = CompensationOptions { stream, ..CompensationOptions::default() };
+    let options = CompensationOptions::default().with_stream(stream);
     let mut compensation = Compensation::new(&model, &options).ok()?;
     let mut single_compensation = Compensation::single(&model, &options).ok()?;
     let n = model.dof();

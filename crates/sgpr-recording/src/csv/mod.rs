@@ -42,6 +42,8 @@ mod write;
 use std::fmt;
 use std::ops::RangeInclusive;
 
+use derive_setters::Setters;
+
 pub use columns::{NamedColumn, Values, read_columns};
 pub use header::quantity_of_array;
 pub use read::read;
@@ -53,14 +55,13 @@ use super::{IssueKind, Units};
 ///
 /// ```
 /// use sgpr_recording::csv::{Columns, ColumnMap, ReadOptions};
-/// let options = ReadOptions {
-///     columns: ColumnMap { torque: Some(Columns::Pattern("i{}_A".into())), ..ColumnMap::default() },
-///     torque_constants: Some(vec![10.0, 10.7, 8.5]),
-///     ..ReadOptions::default()
-/// };
+/// let columns = ColumnMap::default().with_torque(Some(Columns::Pattern("i{}_A".into())));
+/// let options = ReadOptions::default().with_columns(columns).with_torque_constants(Some(vec![10.0, 10.7, 8.5]));
 /// # let _ = options;
 /// ```
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Setters)]
+#[setters(prefix = "with_")]
+#[non_exhaustive]
 pub struct ReadOptions {
     /// Joints wanted, in order, e.g. those of the robot. `None`: those that the columns name.
     pub joints: Option<Vec<String>>,
@@ -108,7 +109,9 @@ impl ReadOptions {
 }
 
 /// Columns named by the caller; automatic where `None`.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Setters)]
+#[setters(prefix = "with_")]
+#[non_exhaustive]
 pub struct ColumnMap {
     /// The time column.
     pub time: Option<String>,

@@ -18,6 +18,7 @@ pub(super) use values::{is_finite_row, repeated_samples};
 
 /// Something found in a recording.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Issue {
     /// What it is.
     pub kind: IssueKind,
@@ -31,6 +32,15 @@ pub struct Issue {
     pub count: usize,
     /// A sentence with numbers, and what to do.
     pub message: String,
+}
+
+impl Issue {
+    /// Something that concerns all of a log.
+    ///
+    /// - `count`: samples (or joints) concerned
+    pub fn of_log(kind: IssueKind, severity: Severity, count: usize, message: String) -> Self {
+        Self { kind, severity, time: None, channel: None, count, message }
+    }
 }
 
 /// Kinds of [`Issue`].

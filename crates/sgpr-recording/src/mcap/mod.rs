@@ -40,6 +40,8 @@ mod write;
 
 use std::path::Path;
 
+use derive_setters::Setters;
+
 pub use joint_trajectory::write_joint_trajectory;
 pub use write::write;
 
@@ -47,7 +49,9 @@ use super::{Recording, RecordingError, require_joint_list};
 use scan::Damage;
 
 /// How to read an MCAP file.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Setters)]
+#[setters(prefix = "with_")]
+#[non_exhaustive]
 pub struct McapOptions {
     /// Joints wanted, in order, e.g. those of the robot. `None`: all that are logged, in order of appearance.
     pub joints: Option<Vec<String>>,
@@ -97,7 +101,7 @@ pub enum Clock {
 /// # Examples
 /// ```no_run
 /// use sgpr_recording::mcap::{self, McapOptions};
-/// let options = McapOptions { topics: Some(vec!["/joint_states".into()]), ..McapOptions::default() };
+/// let options = McapOptions::default().with_topics(Some(vec!["/joint_states".into()]));
 /// let recording = mcap::read("bag.mcap", &options)?;
 /// println!("{} samples of {:?}", recording.len(), recording.joint_names());
 /// # Ok::<(), sgpr_recording::RecordingError>(())

@@ -6,7 +6,7 @@ use sgpr_recording::{IssueKind, PositionUnit, TimeUnit, TorqueUnit, Units, Veloc
 use super::{assert_close, csv_error, message, names, read_csv, read_csv_with};
 
 fn wanting(joints: &[&str]) -> ReadOptions {
-    ReadOptions { joints: Some(names(joints)), ..ReadOptions::default() }
+    ReadOptions::default().with_joints(Some(names(joints)))
 }
 
 fn pattern(text: &str) -> Option<Columns> {
@@ -79,13 +79,12 @@ fn units_in_the_header_are_converted() {
 
 #[test]
 fn units_of_the_caller_overrule() {
-    let units = Units {
-        time: Some(TimeUnit::Microsecond),
-        position: Some(PositionUnit::Degree),
-        velocity: Some(VelocityUnit::DegreePerSecond),
-        torque: Some(TorqueUnit::MillinewtonMetre),
-    };
-    let options = ReadOptions { units, ..ReadOptions::default() };
+    let units = Units::default()
+        .with_time(Some(TimeUnit::Microsecond))
+        .with_position(Some(PositionUnit::Degree))
+        .with_velocity(Some(VelocityUnit::DegreePerSecond))
+        .with_torque(Some(TorqueUnit::MillinewtonMetre));
+    let options = ReadOptions::default().with_units(units);
     let log = read_csv_with("t_s,q_1,dq1_rad_s,tau_1\n1000,180,90,500\n", &options).expect("readable");
     assert_eq!(log.time(), [1_000_000]);
     assert_close(log.position(), &[std::f64::consts::PI], 1e-15);
@@ -95,17 +94,17 @@ fn units_of_the_caller_overrule() {
 
 #[test]
 fn currents_become_torques_with_constants() {
-    let options = ReadOptions { torque_constants: Some(vec![10.0, 2.0]), ..ReadOptions::default() };
+    let options = ReadOptions::default().with_torque_constants(Some(vec![10.0, 2.0]));
     let log = read_csv_with("t,q1,q2,i1_A,i2_mA\n0,0,0,3,4000\n", &options).expect("readable");
     assert_eq!(log.torque().expect("computed"), [30.0, 8.0]);
     assert!(log.channels().is_empty());
 
     let text = "t,q1,q2,tau1,tau2\n0,0,0,1,1\n";
     assert!(message(read_csv_with(text, &options)).starts_with("log.csv: no torque column for `joint_1`, `joint_2`"));
-    let wrong = ReadOptions { torque_constants: Some(vec![10.0]), ..ReadOptions::default() };
+    let wrong = ReadOptions::default().with_torque_constants(Some(vec![10.0]));
     let error = message(read_csv_with(text, &wrong));
     assert_eq!(error, "torque_constants: got 1 value for 2 joints: give one for each, in joint order");
-    let wrong = ReadOptions { torque_constants: Some(vec![10.0, f64::NAN]), ..ReadOptions::default() };
+    let wrong = ReadOptions::default().with_torque_constants(Some(vec![10.0, f64::NAN]));
     assert!(message(read_csv_with(text, &wrong)).starts_with("torque_constants = NaN"));
 }
 
@@ -135,7 +134,7 @@ fn a_joint_called_like_a_unit() {
 
 /// The same, taking joints in the order of the numbers of columns.
 fn wanting_in_order(joints: &[&str]) -> ReadOptions {
-    ReadOptions { accept: vec![IssueKind::JointsByOrder], ..wanting(joints) }
+    wanting(joints).with_accept(vec![IssueKind::JointsByOrder])
 }
 
 #[test]
@@ -155,8 +154,8 @@ fn joints_by_number_in_order_are_confirmed() {
     assert_eq!(log.channel("q3").expect("kept").values, [3.0]);
     assert!(log.layout().expect("of a table").by_order);
     // A pattern of the caller numbers the joints, too.
-    let columns = ColumnMap { torque: pattern("i{}"), ..ColumnMap::default() };
-    let options = ReadOptions { columns, torque_constants: Some(vec![10.0, 100.0]), ..wanting(&["shoulder", "elbow"]) };
+    let columns = ColumnMap::default().with_torque(pattern("i{}"));
+    let options = wanting(&["shoulder", "elbow"]).with_columns(columns).with_torque_constants(Some(vec![10.0, 100.0]));
     let log = read_csv_with("t,q1,q2,i1,i2\n0,1,2,3,4\n", &options).expect("readable");
     assert_eq!((log.position(), log.torque().expect("computed")), (&[1.0, 2.0][..], &[30.0, 400.0][..]));
 }
@@ -171,7 +170,7 @@ fn numbers_of_all_quantities_agree() {
         assert!(error.starts_with("log.csv: no torque column for"), "{error}");
     }
     let torque = Some(Columns::Names(names(&["tau1", "tau2", "f3", "tau4"])));
-    let options = ReadOptions { columns: ColumnMap { torque, ..ColumnMap::default() }, ..ReadOptions::default() };
+    let options = ReadOptions::default().with_columns(ColumnMap::default().with_torque(torque));
     let log = read_csv_with(text, &options).expect("told");
     assert_eq!(log.torque().expect("told"), [10.0, 20.0, 30.0, 40.0]);
     // One joint less than the numbers: the torque of the third is not that of the fourth.
@@ -196,17 +195,17 @@ fn a_unit_counts_whatever_else_the_name_says() {
         ("A1_Istposition [deg]", pattern("A{}_Istposition [deg]")),
         ("A1_Istposition [°]", pattern("A{}_Istposition [°]")),
     ] {
-        let columns = ColumnMap { position: options, ..ColumnMap::default() };
+        let columns = ColumnMap::default().with_position(options);
         let text = format!("t,{name}\n0,180\n");
         for joints in [None, Some(names(&["joint_1"])), Some(names(&["elbow"]))] {
-            let options = ReadOptions { columns: columns.clone(), joints, ..ReadOptions::default() };
+            let options = ReadOptions::default().with_columns(columns.clone()).with_joints(joints);
             let log = read_csv_with(&text, &options).expect("readable");
             assert_close(log.position(), &[half_turn], 1e-15);
             assert!(log.layout().expect("of a table").to_string().contains("position in deg;"));
         }
     }
-    let columns = ColumnMap { position: pattern("A{} [inc]"), ..ColumnMap::default() };
-    let options = ReadOptions { columns, ..ReadOptions::default() };
+    let columns = ColumnMap::default().with_position(pattern("A{} [inc]"));
+    let options = ReadOptions::default().with_columns(columns);
     assert_eq!(
         message(read_csv_with("t,A1 [inc]\n0,4096\n", &options)),
         "log.csv: column `A1 [inc]`: `inc` is no known unit of position: give the unit with `units.position`"
@@ -215,16 +214,16 @@ fn a_unit_counts_whatever_else_the_name_says() {
 
 #[test]
 fn currents_are_no_torques() {
-    let columns = ColumnMap { torque: pattern("drive{}_cur_A"), ..ColumnMap::default() };
-    let options = ReadOptions { columns, ..ReadOptions::default() };
+    let columns = ColumnMap::default().with_torque(pattern("drive{}_cur_A"));
+    let options = ReadOptions::default().with_columns(columns);
     let text = "t,q1,drive1_cur_A\n0,1,2\n";
     assert_eq!(
         message(read_csv_with(text, &options)),
         "log.csv: the columns `drive1_cur_A` hold motor currents in A, not torques: give `torque_constants`, N·m per A; \
          or, if they are torques, their unit with `units.torque`"
     );
-    let units = Units { torque: Some(TorqueUnit::NewtonMetre), ..Units::default() };
-    assert_eq!(read_csv_with(text, &ReadOptions { units, ..options }).expect("told").torque(), Some(&[2.0][..]));
+    let units = Units::default().with_torque(Some(TorqueUnit::NewtonMetre));
+    assert_eq!(read_csv_with(text, &options.with_units(units)).expect("told").torque(), Some(&[2.0][..]));
     let log = read_csv("t,q1,i1_A\n0,1,2\n");
     assert!(log.notes()[0].starts_with("there is no torque, but motor currents (`i1_A`): give `torque_constants`"));
 }
@@ -232,7 +231,7 @@ fn currents_are_no_torques() {
 #[test]
 fn torque_constants_by_name() {
     let text = "t,wrist_position,elbow_position,wrist_current,elbow_current\n0,1,2,10,20\n";
-    let listed = ReadOptions { torque_constants: Some(vec![3.0, 5.0]), ..ReadOptions::default() };
+    let listed = ReadOptions::default().with_torque_constants(Some(vec![3.0, 5.0]));
     let error = message(read_csv_with(text, &listed));
     assert_eq!(
         error,
@@ -240,11 +239,11 @@ fn torque_constants_by_name() {
          (`wrist`, `elbow`): name the joints in order with `joints`, or the joint of each constant (wrist=...)"
     );
     let constants = vec![("elbow".into(), 3.0), ("wrist".into(), 5.0)];
-    let named = ReadOptions { named_torque_constants: constants, ..ReadOptions::default() };
+    let named = ReadOptions::default().with_named_torque_constants(constants);
     assert_eq!(read_csv_with(text, &named).expect("told").torque(), Some(&[50.0, 60.0][..]));
-    let robot = ReadOptions { joints: Some(names(&["elbow", "wrist"])), ..named.clone() };
+    let robot = named.clone().with_joints(Some(names(&["elbow", "wrist"])));
     assert_eq!(read_csv_with(text, &robot).expect("told").torque(), Some(&[60.0, 50.0][..]));
-    let robot = ReadOptions { joints: Some(names(&["elbow", "wrist"])), ..listed };
+    let robot = listed.with_joints(Some(names(&["elbow", "wrist"])));
     let log = read_csv_with(text, &robot).expect("ordered");
     assert_eq!(log.torque(), Some(&[60.0, 50.0][..]));
     assert_eq!(
@@ -252,9 +251,9 @@ fn torque_constants_by_name() {
         "elbow = elbow_position, elbow_current * 3; wrist = wrist_position, wrist_current * 5; position in rad (m) \
          (assumed), torque in A times the torque constant (assumed); time t in s (assumed)"
     );
-    let lacking = ReadOptions { named_torque_constants: vec![("elbw".into(), 3.0)], ..ReadOptions::default() };
+    let lacking = ReadOptions::default().with_named_torque_constants(vec![("elbw".into(), 3.0)]);
     assert!(message(read_csv_with(text, &lacking)).contains("there is no joint `elbw` (did you mean `elbow`?)"));
-    let lacking = ReadOptions { named_torque_constants: vec![("elbow".into(), 3.0)], ..ReadOptions::default() };
+    let lacking = ReadOptions::default().with_named_torque_constants(vec![("elbow".into(), 3.0)]);
     assert_eq!(message(read_csv_with(text, &lacking)), "log.csv: there is no torque constant for joint `wrist`");
 }
 
@@ -279,13 +278,12 @@ fn numbers_from_zero() {
 
 #[test]
 fn columns_named_by_the_caller() {
-    let columns = ColumnMap {
-        time: Some("clock".into()),
-        position: pattern("enc{}"),
-        velocity: Some(Columns::Names(names(&["speed a", "speed b"]))),
-        torque: pattern("{name}:load"),
-    };
-    let options = ReadOptions { columns, ..wanting(&["a", "b"]) };
+    let columns = ColumnMap::default()
+        .with_time(Some("clock".into()))
+        .with_position(pattern("enc{}"))
+        .with_velocity(Some(Columns::Names(names(&["speed a", "speed b"]))))
+        .with_torque(pattern("{name}:load"));
+    let options = wanting(&["a", "b"]).with_columns(columns);
     let text = "clock,enc1,enc2,speed a,speed b,a:load,b:load,q1,q2\n1,1,2,3,4,5,6,7,8\n";
     let log = read_csv_with(text, &options).expect("readable");
     assert_eq!(log.position(), [1.0, 2.0]);
@@ -296,16 +294,16 @@ fn columns_named_by_the_caller() {
 
 #[test]
 fn a_pattern_tells_the_number_of_joints() {
-    let columns = ColumnMap { position: pattern("enc{}"), torque: pattern("load{}"), ..ColumnMap::default() };
-    let options = ReadOptions { columns, ..ReadOptions::default() };
+    let columns = ColumnMap::default().with_position(pattern("enc{}")).with_torque(pattern("load{}"));
+    let options = ReadOptions::default().with_columns(columns);
     let log = read_csv_with("t,enc1,enc2,load1,load2\n0,1,2,3,4\n", &options).expect("readable");
     assert_eq!((log.dof(), log.torque().expect("named")), (2, &[3.0, 4.0][..]));
 }
 
 #[test]
 fn a_named_column_that_is_not_there() {
-    let columns = ColumnMap { torque: pattern("i{}_A"), ..ColumnMap::default() };
-    let options = ReadOptions { columns, ..ReadOptions::default() };
+    let columns = ColumnMap::default().with_torque(pattern("i{}_A"));
+    let options = ReadOptions::default().with_columns(columns);
     assert_eq!(
         message(read_csv_with("t,q1,I1_A\n0,1,2\n", &options)),
         "log.csv: there is no column `i1_A` (did you mean `I1_A`?); the columns are `t`, `q1`, `I1_A`"
@@ -314,8 +312,8 @@ fn a_named_column_that_is_not_there() {
 
 #[test]
 fn a_pattern_for_several_joints_varies() {
-    let columns = ColumnMap { position: pattern("enc"), ..ColumnMap::default() };
-    let options = ReadOptions { columns, ..wanting(&["a", "b"]) };
+    let columns = ColumnMap::default().with_position(pattern("enc"));
+    let options = wanting(&["a", "b"]).with_columns(columns);
     let error = message(read_csv_with("t,enc\n0,1\n", &options));
     assert!(error.contains("columns.position = enc: a pattern for several joints holds {}"), "{error}");
 }
@@ -348,8 +346,8 @@ fn a_joint_without_column() {
     // Positions and torques that are counted in ways that no joint tells.
     let error = message(read_csv_with("t,q_4,q_9\n0,1,3\n", &wanting(&["a", "b", "c"])));
     assert!(error.starts_with("log.csv: got 2 columns of position (`q_4`, `q_9`) for 3 joints (`a`, `b`, `c`): say"));
-    let columns = ColumnMap { position: Some(Columns::Names(names(&["x", "y"]))), ..ColumnMap::default() };
-    let options = ReadOptions { columns, ..ReadOptions::default() };
+    let columns = ColumnMap::default().with_position(Some(Columns::Names(names(&["x", "y"]))));
+    let options = ReadOptions::default().with_columns(columns);
     let error = message(read_csv_with("t,x,y,tau_3,tau_4\n0,1,2,3,4\n", &options));
     assert!(error.contains("no name tells which of the joints `joint_1`, `joint_2` is which of the columns `tau_3`"));
     let log = read_csv_with("t,q1\n0,1\n", &wanting(&["a"])).expect("one joint, one column");

@@ -44,14 +44,14 @@ fn a_log_without_time() {
         "log.csv: no time column among `q1`, `q2`; name it with `columns.time`, or give `sample_rate_hz` for a log of \
          constant rate"
     );
-    let options = ReadOptions { sample_rate_hz: Some(300.0), ..ReadOptions::default() };
+    let options = ReadOptions::default().with_sample_rate_hz(Some(300.0));
     let log = read_csv_with("q1\n0\n1\n2\n3\n", &options).expect("readable");
     assert_eq!(log.time(), [0, 3_333_333, 6_666_667, 10_000_000]);
     assert_eq!(log.notes(), [""; 0]);
     let log = read_csv_with("t,q1\n0,0\n7,1\n", &options).expect("readable");
     assert_eq!(log.time(), [0, 3_333_333]);
     assert_eq!(log.notes(), ["the time is counted by the rate given, not taken from `t`"]);
-    let options = ReadOptions { sample_rate_hz: Some(-1.0), ..ReadOptions::default() };
+    let options = ReadOptions::default().with_sample_rate_hz(Some(-1.0));
     assert_eq!(
         message(read_csv_with("q1\n0\n", &options)),
         "sample_rate_hz = -1: a positive number of samples per second"
@@ -152,7 +152,7 @@ fn titles_above_the_names() {
     let error = csv_error("Cell 4;;\nUhr;A1 Ist;A2 Ist\ns;grad;grad\n0;1,5;2,5\n");
     assert!(error.starts_with("log.csv: no time column among `Uhr`, `A1 Ist`, `A2 Ist`"), "{error}");
     // Joints that the robot does not have are joints all the same: the title is not taken for the names.
-    let elbow = ReadOptions { joints: Some(vec!["elbow".into()]), ..ReadOptions::default() };
+    let elbow = ReadOptions::default().with_joints(Some(vec!["elbow".into()]));
     let other = message(read_csv_with("Cell 4; monitor\nclock_ms;Ax1 pos [deg];Ax2 pos [deg]\n0;1;2\n", &elbow));
     assert!(other.contains("Ax1") && other.contains("elbow") && !other.contains("no time column"), "{other}");
     // Line numbers count titles.
@@ -195,8 +195,8 @@ fn degrees_in_every_encoding() {
     }
     // A pattern of the caller, who sees the sign, fits the name in Latin-1.
     let position = Some(csv::Columns::Pattern("Achse {} [°]".into()));
-    let columns = csv::ColumnMap { position, ..csv::ColumnMap::default() };
-    let options = ReadOptions { columns, ..ReadOptions::default() };
+    let columns = csv::ColumnMap::default().with_position(position);
+    let options = ReadOptions::default().with_columns(columns);
     let log = read_csv_with(b"t;Achse 1 [\xb0]\n0;180\n", &options).expect("readable");
     assert_eq!(log.position(), [half_turn]);
 }
@@ -293,7 +293,7 @@ fn utf_16() {
 #[test]
 fn parts_of_a_log() {
     let text = "t,q1\n10,1\n10.5,2\n11,3\n11.5,4\n";
-    let part = |rows| read_csv_with(text, &ReadOptions { rows: Some(rows), ..ReadOptions::default() });
+    let part = |rows| read_csv_with(text, &ReadOptions::default().with_rows(Some(rows)));
     assert_eq!(part(Rows::Numbers(2..=3)).expect("there").position(), [2.0, 3.0]);
     assert_eq!(part(Rows::Seconds(0.5..=1.0)).expect("there").position(), [2.0, 3.0]);
     assert_eq!(
@@ -306,7 +306,7 @@ fn parts_of_a_log() {
     );
     // Rows that are left out may hold anything.
     let text = "t,q1\n0,1\n1,2\nt,q1\n0,3\n1,4\nend of log\n";
-    let part = |rows| read_csv_with(text, &ReadOptions { rows: Some(Rows::Numbers(rows)), ..ReadOptions::default() });
+    let part = |rows| read_csv_with(text, &ReadOptions::default().with_rows(Some(Rows::Numbers(rows))));
     assert_eq!(part(1..=2).expect("there").position(), [1.0, 2.0]);
     assert_eq!(part(4..=5).expect("there").position(), [3.0, 4.0]);
     assert!(message(part(4..=6)).starts_with("log.csv:7: 1 cells"));
@@ -325,7 +325,7 @@ fn gzip() {
 
 #[test]
 fn more_than_the_limit() {
-    let options = ReadOptions { limit_bytes: 1 << 20, ..ReadOptions::default() };
+    let options = ReadOptions::default().with_limit_bytes(1 << 20);
     // Sixteen megabytes in some kilobytes.
     let bomb = packed(&[b"t,q1\n".to_vec(), b"0,1\n".repeat(4 << 20)].concat());
     let error = message(read_csv_with(&bomb, &options));
@@ -383,7 +383,7 @@ proptest! {
     fn what_is_written_is_read(log in any_recording(), gz: bool) {
         let (_folder, path) = file(if gz { "log.csv.gz" } else { "log.csv" }, "");
         csv::write(&path, &log).expect("writable");
-        let options = ReadOptions { joints: Some(log.joint_names().to_vec()), ..ReadOptions::default() };
+        let options = ReadOptions::default().with_joints(Some(log.joint_names().to_vec()));
         let back = csv::read(&path, &options).expect("readable");
         prop_assert_eq!(back.joint_names(), log.joint_names());
         prop_assert_eq!(back.time(), log.time());

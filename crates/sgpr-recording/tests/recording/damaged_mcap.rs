@@ -8,7 +8,7 @@ use sgpr_recording::{Recording, RecordingError};
 use super::{file, fixture, message};
 
 fn recovering() -> McapOptions {
-    McapOptions { recover: true, ..McapOptions::default() }
+    McapOptions::default().with_recover(true)
 }
 
 fn bytes(name: &str) -> Vec<u8> {
@@ -161,7 +161,7 @@ fn no_joint_states() {
 
 #[test]
 fn limits_hold_for_messages_too() {
-    let options = McapOptions { limit_bytes: 3000, ..McapOptions::default() };
+    let options = McapOptions::default().with_limit_bytes(3000);
     let text = message(read(bytes("uncompressed.mcap"), &options));
     assert!(text.contains("more than 3000 bytes"), "{text}");
 }

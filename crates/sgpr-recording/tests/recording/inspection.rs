@@ -153,7 +153,7 @@ fn samples_that_are_held() {
     let silent = refusals(&log.recording());
     assert_eq!(kinds(&silent), [IssueKind::RepeatedSamples]);
     // At turns of both joints some stay, as an arm may well rest there.
-    let request = Repair { drop_repeated: true, resample: Some(Resample::MedianRate), ..Repair::default() };
+    let request = Repair::default().with_drop_repeated(true).with_resample(Some(Resample::MedianRate));
     let (parts, _) = repair(&log.recording(), &request).expect("a log");
     assert_eq!(refusals(&parts[0]), []);
 }
@@ -231,7 +231,7 @@ fn a_position_that_is_wrapped_to_a_turn() {
     assert!(issue.message.starts_with("`a_position` jumps by a full turn "), "{}", issue.message);
     assert!(issue.message.ends_with(" after the start: unwrap it (repair: unwrap)"), "{}", issue.message);
     assert_eq!(kinds(&refusals(&log.recording())), [IssueKind::PositionJump]);
-    let request = Repair { unwrap: true, ..Repair::default() };
+    let request = Repair::default().with_unwrap(true);
     let (parts, actions) = repair(&log.recording(), &request).expect("a log");
     let whole = Log::new().recording();
     assert!(parts[0].position().iter().zip(whole.position()).all(|(a, b)| (a - b).abs() < 1e-12));
@@ -255,7 +255,7 @@ fn a_position_that_is_wrapped_to_a_turn() {
 
 #[test]
 fn samples_that_stray_are_told_and_replaced() {
-    let request = Repair { replace_strays: true, ..Repair::default() };
+    let request = Repair::default().with_replace_strays(true);
     // A position beyond all turns is no unit, and one that is near is as bad: its derivatives are not.
     for by in [999.0, -0.3] {
         let mut log = Log::new();

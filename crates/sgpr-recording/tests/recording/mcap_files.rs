@@ -10,11 +10,11 @@ const PERIOD: i64 = 10_000_000;
 
 /// Joints of the fixtures in the order of their formulas.
 fn in_order() -> McapOptions {
-    McapOptions { joints: Some(names(&["shoulder", "elbow", "wrist"])), ..McapOptions::default() }
+    McapOptions::default().with_joints(Some(names(&["shoulder", "elbow", "wrist"])))
 }
 
 fn on_topics(topics: &[&str]) -> McapOptions {
-    McapOptions { topics: Some(names(topics)), ..in_order() }
+    in_order().with_topics(Some(names(topics)))
 }
 
 fn read(name: &str, options: &McapOptions) -> Recording {
@@ -63,22 +63,20 @@ fn joints_in_order_of_appearance() {
 
 #[test]
 fn some_joints_under_other_names() {
-    let options = McapOptions {
-        joints: Some(names(&["joint_2", "joint_1"])),
-        logged_names: Some(names(&["elbow", "shoulder"])),
-        ..McapOptions::default()
-    };
+    let options = McapOptions::default()
+        .with_joints(Some(names(&["joint_2", "joint_1"])))
+        .with_logged_names(Some(names(&["elbow", "shoulder"])));
     let log = read("zstd.mcap", &options);
     assert_eq!(log.joint_names(), ["joint_2", "joint_1"]);
     assert_close(&log.position()[..2], &[1f64.sin(), 0.0], 1e-15);
-    let options = McapOptions { joints: Some(names(&["joint_2"])), ..options };
+    let options = options.with_joints(Some(names(&["joint_2"])));
     let result = mcap::read(fixture("zstd.mcap"), &options);
     assert_eq!(message(result), "logged_names: got 2 values for 1 joint: give one for each, in joint order");
 }
 
 #[test]
 fn log_time_on_request() {
-    let log = read("zstd.mcap", &McapOptions { clock: Clock::LogTime, ..in_order() });
+    let log = read("zstd.mcap", &in_order().with_clock(Clock::LogTime));
     assert_eq!(log.time()[0], START + 1_000_000);
 }
 
@@ -106,7 +104,7 @@ fn json_without_joint_names() {
     assert_follows_formulas(&log);
     assert_eq!(log.channel("/log/load").expect("kept").values[0], 2.5);
     assert_eq!(read("flat_json.mcap", &McapOptions::default()).joint_names(), ["joint_1", "joint_2", "joint_3"]);
-    let two = McapOptions { joints: Some(names(&["a", "b"])), ..McapOptions::default() };
+    let two = McapOptions::default().with_joints(Some(names(&["a", "b"])));
     assert_eq!(
         error("flat_json.mcap", &two),
         "flat_json.mcap: there is no joint `a`; the joints are `joint_1`, `joint_2`, `joint_3`"
@@ -158,7 +156,7 @@ fn joints_on_two_topics_are_merged() {
 
 #[test]
 fn one_of_two_topics() {
-    let options = McapOptions { joints: None, ..on_topics(&["/arm"]) };
+    let options = on_topics(&["/arm"]).with_joints(None);
     let log = read("two_topics.mcap", &options);
     assert_eq!((log.len(), log.joint_names()), (50, &names(&["elbow", "shoulder"])[..]));
     assert!(log.channel("/wrist/wrist/position").expect("kept").values[1].is_finite());
@@ -166,7 +164,7 @@ fn one_of_two_topics() {
 
 #[test]
 fn what_is_not_there() {
-    let joint = McapOptions { joints: Some(names(&["sholder"])), ..McapOptions::default() };
+    let joint = McapOptions::default().with_joints(Some(names(&["sholder"])));
     assert_eq!(
         error("zstd.mcap", &joint),
         "zstd.mcap: there is no joint `sholder` (did you mean `shoulder`?); the joints are `elbow`, `shoulder`, `wrist`"
@@ -189,7 +187,7 @@ fn small() -> Recording {
 fn what_is_written_is_read() {
     let (_folder, path) = file("log.mcap", "");
     mcap::write(&path, &[("/measured", &small()), ("/predicted", &small())]).expect("writable");
-    let options = McapOptions { topics: Some(names(&["/measured"])), ..McapOptions::default() };
+    let options = McapOptions::default().with_topics(Some(names(&["/measured"])));
     let back = mcap::read(&path, &options).expect("readable");
     assert_eq!(back.time()[1..], small().time()[1..]);
     assert_eq!(back.joint_names(), small().joint_names());

@@ -36,7 +36,7 @@ fn panda() {
     assert_eq!(issue(IssueKind::Gap).count, 2);
     assert!(kinds(&log).contains(&IssueKind::IrregularSampling));
 
-    let request = Repair { drop_repeated: true, resample: Some(Resample::Hz(1000.0)), ..Repair::default() };
+    let request = Repair::default().with_drop_repeated(true).with_resample(Some(Resample::Hz(1000.0)));
     let (parts, actions) = repair(&log, &request).expect("sorted");
     assert!((2..10).contains(&parts.len()) && actions.len() == 3, "{actions:?}");
     for part in &parts {
@@ -50,13 +50,11 @@ fn panda() {
 fn ur10e() {
     let Some(folder) = folder() else { return };
     let joints = ["shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3"];
-    let options = ReadOptions {
-        joints: Some(joints.map(|name| format!("{name}_joint")).to_vec()),
-        accept: vec![IssueKind::JointsByOrder],
-        torque_constants: Some(vec![10.0, 10.6956, 8.4566, 9.0029, 9.48, 10.1232]),
-        rows: Some(Rows::Numbers(635..=3510)),
-        ..ReadOptions::default()
-    };
+    let options = ReadOptions::default()
+        .with_joints(Some(joints.map(|name| format!("{name}_joint")).to_vec()))
+        .with_accept(vec![IssueKind::JointsByOrder])
+        .with_torque_constants(Some(vec![10.0, 10.6956, 8.4566, 9.0029, 9.48, 10.1232]))
+        .with_rows(Some(Rows::Numbers(635..=3510)));
     let log = read(&folder, "ur10e/excitation_30s_12harm.csv", &options);
     assert_eq!((log.dof(), log.len(), log.channels().len()), (6, 2876, 12));
     assert!(log.channel("tau_des1_Nm").is_some());
@@ -84,7 +82,7 @@ fn baxter_and_kuka() {
 #[test]
 fn emps() {
     let Some(folder) = folder() else { return };
-    let options = ReadOptions { joints: Some(vec!["carriage".into()]), ..ReadOptions::default() };
+    let options = ReadOptions::default().with_joints(Some(vec!["carriage".into()]));
     let log = read(&folder, "emps/train.csv", &options);
     assert_eq!((log.joint_names(), log.len()), (&["carriage".to_string()][..], 24_841));
     assert_eq!(log.time()[1], 1_000_024);

@@ -30,7 +30,7 @@ fn nothing_is_done_unasked() {
 
 #[test]
 fn sorting_keeps_the_order_of_equal_stamps() {
-    let (sorted, actions) = one(&log(&[0, 5, 2, 5]), &Repair { sort: true, ..Repair::default() });
+    let (sorted, actions) = one(&log(&[0, 5, 2, 5]), &Repair::default().with_sort(true));
     assert_eq!(sorted.position(), [0.0, 2.0, 1.0, 3.0]);
     assert_eq!(sorted.channels()[0].values, [0.0, 2.0, 1.0, 3.0]);
     assert_eq!(actions, ["log: sorted by time, 2 of 4 samples moved"]);
@@ -41,7 +41,7 @@ fn duplicates_and_missing_values_are_dropped() {
     let mut position = vec![0.0, 1.0, f64::NAN, 3.0];
     let time = vec![0, 0, MS, 2 * MS];
     let broken = Recording::new("log", names(&["a"]), time, position.clone(), None, None, vec![]).expect("fits");
-    let request = Repair { drop_duplicates: true, drop_not_finite: true, ..Repair::default() };
+    let request = Repair::default().with_drop_duplicates(true).with_drop_not_finite(true);
     let (clean, actions) = one(&broken, &request);
     assert_eq!(clean.position(), [0.0, 3.0]);
     assert_eq!(
@@ -63,14 +63,14 @@ fn repeated_samples_are_dropped_only_in_motion() {
     let position: Vec<f64> = (0..100).map(moving).collect();
     let time = (0..100).map(|k| k * MS).collect();
     let log = Recording::new("log", names(&["a"]), time, position, None, None, vec![]).expect("fits");
-    let (clean, actions) = one(&log, &Repair { drop_repeated: true, ..Repair::default() });
+    let (clean, actions) = one(&log, &Repair::default().with_drop_repeated(true));
     assert_eq!(clean.len(), 96);
     assert_eq!(actions, ["log: dropped 4 of 100 samples that repeat the one before"]);
 }
 
 #[test]
 fn trimming() {
-    let (part, actions) = one(&log(&[100, 110, 120, 130]), &Repair { trim: Some(0.01..=0.02), ..Repair::default() });
+    let (part, actions) = one(&log(&[100, 110, 120, 130]), &Repair::default().with_trim(Some(0.01..=0.02)));
     assert_eq!(part.position(), [1.0, 2.0]);
     assert_eq!(actions, ["log: dropped 2 of 4 samples outside 0.01 to 0.02 s"]);
 }
@@ -78,7 +78,7 @@ fn trimming() {
 #[test]
 fn cutting_at_gaps() {
     let gapped = log(&[0, 1, 2, 50, 51, 52, 53]);
-    let (parts, actions) = repair(&gapped, &Repair { split_gaps: Some(0.01), ..Repair::default() }).expect("sorted");
+    let (parts, actions) = repair(&gapped, &Repair::default().with_split_gaps(Some(0.01))).expect("sorted");
     assert_eq!(parts.iter().map(Recording::len).collect::<Vec<_>>(), [3, 4]);
     assert_eq!(actions, ["log: cut at 1 steps longer than 0.010000 s into 3, 4 samples"]);
     assert_eq!(split_at_gaps(&gapped, 5.0).len(), 2);
@@ -88,7 +88,7 @@ fn cutting_at_gaps() {
 #[test]
 fn resampling_never_crosses_gaps() {
     let gapped = log(&[0, 2, 4, 50, 52, 54]);
-    let request = Repair { resample: Some(Resample::Hz(1000.0)), ..Repair::default() };
+    let request = Repair::default().with_resample(Some(Resample::Hz(1000.0)));
     let (parts, actions) = repair(&gapped, &request).expect("sorted");
     assert_eq!(parts.iter().map(Recording::len).collect::<Vec<_>>(), [5, 5]);
     assert_close(parts[0].position(), &[0.0, 0.5, 1.0, 1.5, 2.0], 1e-15);
@@ -99,7 +99,7 @@ fn resampling_never_crosses_gaps() {
 #[test]
 fn resampling_to_the_median_rate() {
     let (even, actions) =
-        one(&log(&[0, 10, 21, 30, 40, 50]), &Repair { resample: Some(Resample::MedianRate), ..Repair::default() });
+        one(&log(&[0, 10, 21, 30, 40, 50]), &Repair::default().with_resample(Some(Resample::MedianRate)));
     assert_eq!(even.time(), [0, 10, 20, 30, 40, 50].map(|t| t * MS));
     assert_eq!(actions, ["log: resampled from 6 to 6 samples at 100.000000 Hz"]);
     assert_eq!(even.sample_rate_hz(), Some(100.0));
@@ -110,7 +110,7 @@ fn a_sine_survives_uneven_sampling() {
     let time: Vec<i64> = (0..500).map(|k| k * 10 * MS + (k * 7919) % 4 * MS).collect();
     let position: Vec<f64> = time.iter().map(|t| (*t as f64 * 1e-9 * 3.0).sin()).collect();
     let log = Recording::new("log", names(&["a"]), time, position, None, None, vec![]).expect("fits");
-    let (even, _) = one(&log, &Repair { resample: Some(Resample::Hz(100.0)), ..Repair::default() });
+    let (even, _) = one(&log, &Repair::default().with_resample(Some(Resample::Hz(100.0))));
     let expected: Vec<f64> = even.time().iter().map(|t| (*t as f64 * 1e-9 * 3.0).sin()).collect();
     // Cubic interpolation with steps h up to 13 ms: the error is of the order (3 h)^3 / 10 < 1e-5.
     assert_close(even.position(), &expected, 1e-5);
@@ -118,14 +118,13 @@ fn a_sine_survives_uneven_sampling() {
 
 #[test]
 fn slower_rates_come_with_a_warning() {
-    let (_, actions) =
-        one(&log(&[0, 1, 2, 3, 4, 5, 6]), &Repair { resample: Some(Resample::Hz(250.0)), ..Repair::default() });
+    let (_, actions) = one(&log(&[0, 1, 2, 3, 4, 5, 6]), &Repair::default().with_resample(Some(Resample::Hz(250.0))));
     assert!(actions[0].contains("unless it was filtered away"), "{}", actions[0]);
 }
 
 #[test]
 fn what_cannot_be_done() {
-    let resample = |rate| Repair { resample: Some(Resample::Hz(rate)), ..Repair::default() };
+    let resample = |rate| Repair::default().with_resample(Some(Resample::Hz(rate)));
     let error = |log: &Recording, request: Repair| -> String { message::<_>(repair(log, &request)) };
     assert_eq!(
         error(&log(&[0, 5, 5, 9]), resample(100.0)),
@@ -134,9 +133,9 @@ fn what_cannot_be_done() {
     );
     assert!(error(&log(&[0, 1]), resample(-1.0)).starts_with("resample = -1: a rate in Hz"));
     assert!(error(&log(&[0, 1]), resample(1e9)).contains("at most 1000 samples of each one"));
-    assert!(error(&log(&[0, 1]), Repair { split_gaps: Some(0.0), ..Repair::default() }).starts_with("split_gaps = 0"));
+    assert!(error(&log(&[0, 1]), Repair::default().with_split_gaps(Some(0.0))).starts_with("split_gaps = 0"));
     assert!(
-        error(&log(&[0]), Repair { resample: Some(Resample::MedianRate), ..Repair::default() })
+        error(&log(&[0]), Repair::default().with_resample(Some(Resample::MedianRate)))
             .contains("no sample is left after: resampling of a single sample")
     );
 }
@@ -155,10 +154,9 @@ fn a_sample_that_strayed_before_the_log_is_left_out() {
     let time: Vec<i64> = [0].into_iter().chain((0..100).map(|k| 1_700_000_000_000_000_000 + k * 10_000_000)).collect();
     let position: Vec<f64> = (0..101).map(f64::from).collect();
     let log = Recording::new("log", names(&["a"]), time, position, None, None, vec![]).expect("fits");
-    for request in [
-        Repair { resample: Some(Resample::MedianRate), ..Repair::default() },
-        Repair { split_gaps: Some(1.0), ..Repair::default() },
-    ] {
+    for request in
+        [Repair::default().with_resample(Some(Resample::MedianRate)), Repair::default().with_split_gaps(Some(1.0))]
+    {
         let (parts, actions) = repair(&log, &request).expect("sorted");
         assert_eq!(parts.iter().map(Recording::len).collect::<Vec<_>>(), [100]);
         assert!(actions.iter().any(|action| action.contains("left out 1 samples in 1 stretches")), "{actions:?}");

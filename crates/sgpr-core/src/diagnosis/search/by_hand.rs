@@ -44,7 +44,7 @@ impl Wanted {
         let wrong = |reason: String| DiagnosisError::Addition { addition: self.text.clone(), reason };
         let Some(effect) = catalogue.iter().find(|effect| effect.name() == self.effect) else {
             let known = catalogue.iter().map(|effect| effect.name().into()).collect();
-            return Err(wrong(UnknownEffect { name: self.effect.clone(), known }.to_string()));
+            return Err(wrong(UnknownEffect::new(&self.effect, known).to_string()));
         };
         let sites = effect.sites(robot);
         if sites.contains(&self.site) {

@@ -9,6 +9,7 @@ use crate::effects::sgn;
 
 /// A change of the residual.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct Change {
     /// Most likely moment, s of the session.
     pub time: f64,

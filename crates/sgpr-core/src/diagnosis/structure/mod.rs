@@ -23,6 +23,7 @@ use crate::robot::Robot;
 
 /// A function of the state that a residual is correlated with.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct Dependence {
     /// The function: `speed of joint_2`, `size of the acceleration`.
     pub on: String,
@@ -34,6 +35,7 @@ pub struct Dependence {
 
 /// A variable that the structure of a residual depends on.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct Input {
     /// The variable: `speed of joint_2`.
     pub variable: String,
@@ -45,6 +47,7 @@ pub struct Input {
 
 /// Shares of a residual's variance; they add up to one.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct Shares {
     /// A smooth function of position, speed, acceleration and load explains it on blocks of time that it has not seen.
     pub state: f64,
@@ -56,6 +59,7 @@ pub struct Shares {
 
 /// What is left of one joint's torque.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct JointStructure {
     /// Joint.
     pub joint: String,

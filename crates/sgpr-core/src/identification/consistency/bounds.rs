@@ -1,5 +1,6 @@
 //! What is known of the parameters beside the data.
 
+use derive_setters::Setters;
 use serde::{Deserialize, Serialize};
 
 use super::program::{Affine, ConicProgram};
@@ -8,7 +9,9 @@ use crate::robot::{Joint, Robot};
 use crate::spatial::PARAMETERS_PER_LINK;
 
 /// Limits that the user sets on parameters.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, Setters)]
+#[setters(prefix = "with_")]
+#[non_exhaustive]
 pub struct PhysicalBounds {
     /// Link by link; links that are not named are not limited.
     pub links: Vec<LinkBounds>,
@@ -20,7 +23,9 @@ pub struct PhysicalBounds {
 }
 
 /// Limits on the link that a joint carries.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Setters)]
+#[setters(prefix = "with_")]
+#[non_exhaustive]
 pub struct LinkBounds {
     /// Name of the joint that carries it.
     pub joint: String,
@@ -29,6 +34,13 @@ pub struct LinkBounds {
     pub mass: Option<[f64; 2]>,
     /// Where the centre of mass lies.
     pub centre: Option<Region>,
+}
+
+impl LinkBounds {
+    /// A link that may be any body.
+    pub fn new(joint: impl Into<String>) -> Self {
+        Self { joint: joint.into(), mass: None, centre: None }
+    }
 }
 
 /// A part of space, in the link frame, m.
@@ -52,7 +64,9 @@ pub enum Region {
 }
 
 /// Limits on one parameter.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Setters)]
+#[setters(prefix = "with_")]
+#[non_exhaustive]
 pub struct ParameterBounds {
     /// Name, as `joint_2.Fv`.
     pub name: String,
@@ -60,6 +74,13 @@ pub struct ParameterBounds {
     pub lowest: Option<f64>,
     /// Highest value.
     pub highest: Option<f64>,
+}
+
+impl ParameterBounds {
+    /// A parameter that may have any value.
+    pub fn new(name: impl Into<String>) -> Self {
+        Self { name: name.into(), lowest: None, highest: None }
+    }
 }
 
 /// JSON has no infinity: a side without limit is null.

@@ -18,6 +18,7 @@ const SAME: f64 = 1.01;
 
 /// Errors on parts of the data that were kept out of the fit, percent of the torque of the rows in motion.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct KeptOut {
     /// Of least squares without limits.
     pub unconstrained_percent: f64,

@@ -24,6 +24,7 @@ mod drives;
 mod prices;
 mod program;
 
+use derive_setters::Setters;
 use faer::Mat;
 use serde::{Deserialize, Serialize};
 
@@ -42,7 +43,9 @@ use bounds::{BadBound, Bound};
 use program::{Affine, ConicOutcome, ConicProgram, ConicStatus};
 
 /// What makes parameters consistent, beside physics.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Setters)]
+#[setters(prefix = "with_")]
+#[non_exhaustive]
 pub struct Consistency {
     /// Pull toward the robot file.
     pub prior: Prior,
@@ -52,7 +55,9 @@ pub struct Consistency {
 
 /// Pull toward the nominal parameters. It decides where the data are silent, and hardly counts where they speak: data and
 /// prior are weighed by their standard deviations.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Setters)]
+#[setters(prefix = "with_")]
+#[non_exhaustive]
 pub struct Prior {
     /// How the distance to the nominal parameters is measured.
     pub distance: Distance,
@@ -82,6 +87,7 @@ pub enum Distance {
 
 /// Parameters that a real arm can have.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct ConsistentParameters {
     /// All parameters of the set.
     pub parameters: Vec<f64>,
@@ -103,6 +109,7 @@ pub struct ConsistentParameters {
 
 /// What shows that a link is a body.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct LinkCertificate {
     /// Joint that carries it.
     pub joint: String,

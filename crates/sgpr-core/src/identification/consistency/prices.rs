@@ -14,6 +14,7 @@ use crate::robot::Robot;
 
 /// What the limits of an arm cost.
 #[derive(Clone, Debug, Default, PartialEq)]
+#[non_exhaustive]
 pub struct Costs {
     /// How much larger the weighted residual is than without limits, percent.
     pub residual_percent: f64,
@@ -27,6 +28,7 @@ pub struct Costs {
 
 /// What one limit costs.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct Price {
     /// The limit: `the link of ... is a body`, or a bound as in `joint_2.Fv >= 0`.
     pub limit: String,
@@ -37,6 +39,7 @@ pub struct Price {
 
 /// One limit more that is left out.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct Stage {
     /// The limit, named as in [`Price`].
     pub limit: String,

@@ -182,13 +182,7 @@ impl ShiftedResiduals<'_, '_> {
     fn pass(&mut self, shifts: &[isize]) -> Result<(), IdentificationError> {
         let equations = self.equations;
         let n = equations.robot().dof();
-        let column = |shift: &isize| TrajectoryColumn {
-            name: format!("torque {shift} samples later"),
-            unit: "",
-            joint: None,
-            non_negative: false,
-            size: 1.0,
-        };
+        let column = |shift: &isize| TrajectoryColumn::new(format!("torque {shift} samples later"), "", None, 1.0);
         let set = equations.parameter_set().clone().with_trajectory_columns(shifts.iter().map(column).collect());
         let base = equations.base().clone().with_later_columns(&set);
         let columns = |trajectory: &Trajectory<'_>| -> Vec<Vec<f64>> {

@@ -13,6 +13,7 @@ use crate::robot::Robot;
 
 /// What another cut-off would have made of the same logs.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct CutoffInfluence {
     /// Cut-off, Hz.
     pub cutoff_hz: f64,

@@ -8,6 +8,8 @@ mod screening;
 mod source;
 mod torque_end;
 
+use derive_setters::Setters;
+
 pub use cutoff::{CutoffInfluence, cutoff_influence};
 pub(super) use fit::{Setup, require_one_arm};
 pub use screening::screen;
@@ -27,7 +29,9 @@ use crate::robot::Robot;
 use crate::signal::CutoffChoice;
 
 /// What to identify, and how.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Setters)]
+#[setters(prefix = "with_")]
+#[non_exhaustive]
 pub struct IdentifyOptions {
     /// Names of effects beside the rigid body, any that change the torque, at all joints or at one: `cable_stiffness`,
     /// `cable_hysteresis@joint_4`. Their constants are fitted by variable projection.
@@ -114,6 +118,7 @@ pub enum Start {
 
 /// How the identification went, beside the model.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct IdentificationReport {
     /// Per log: the spectra and the cut-off that they suggest.
     pub cutoff_choices: Vec<CutoffChoice>,

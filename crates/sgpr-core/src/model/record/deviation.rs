@@ -15,6 +15,7 @@ use crate::spatial::PARAMETERS_PER_LINK;
 
 /// What a log, or a part of it, says against a reference model.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Deviation {
     /// Joints with rows in motion.
     pub joints: Vec<JointDeviation>,
@@ -50,6 +51,7 @@ pub struct JointDeviation {
 
 /// How far a parameter is from the reference.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct ParameterDeviation {
     /// `joint_3.Fc`; `joint_3.gain`.
     pub name: String,

@@ -3,6 +3,8 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
+use derive_setters::Setters;
+
 use super::super::IdentifyError;
 use super::super::experiment::{Experiment, TermColumns, require_torque, select_joints};
 use super::super::limits::beyond_limits;
@@ -21,7 +23,9 @@ use crate::recording::{Issue, Recording, inspect};
 use crate::robot::Robot;
 
 /// What goes into a record.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Setters)]
+#[setters(prefix = "with_")]
+#[non_exhaustive]
 pub struct RecordOptions {
     /// Names of effects beside the rigid body, each a linear function of the present motion and at every joint.
     pub effects: Vec<String>,

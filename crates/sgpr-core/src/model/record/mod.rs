@@ -77,6 +77,7 @@ pub struct Record {
 /// Something that a look at a log found, at its numbers, at the limits of the robot file or at the equations.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
+#[non_exhaustive]
 pub struct RecordFinding {
     /// What it is: names of [`IssueKind`](crate::recording::IssueKind) and [`Finding`](crate::identification::Finding),
     /// `frozen_torque`, `saturated`; `unnamed` in records of an earlier version.
@@ -92,6 +93,7 @@ pub struct RecordFinding {
 /// Products of a joint's rows with those some rows later, summed over the log by groups of lags: what any parameters leave
 /// of the torque remembers as these say.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct RecordMemory {
     /// Joint.
     pub joint: usize,

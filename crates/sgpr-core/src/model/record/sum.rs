@@ -148,6 +148,7 @@ impl Source for RecordSums<'_> {
 
 /// How far a model is off on the rows of records, one joint.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct RecordedError {
     /// Rows at which the joint moves.
     pub rows: usize,

@@ -26,6 +26,7 @@ use crate::robot::Robot;
 /// An effect at a joint, with constants, of which a record keeps columns.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
+#[non_exhaustive]
 pub struct Suspect {
     /// Name of the effect.
     pub effect: String,
@@ -37,6 +38,7 @@ pub struct Suspect {
 
 /// What records say of a suspect, beside those that were found.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct SuspectTest {
     /// Which, at the constants that save most.
     pub suspect: Suspect,
@@ -55,6 +57,7 @@ pub struct SuspectTest {
 
 /// What records say of effects that the model lacks.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct RecordDiagnosis {
     /// Found ones first, in the order in which they were; then the others, by what they would save.
     pub tests: Vec<SuspectTest>,

@@ -209,7 +209,7 @@ fn fit_joints(
     let workers = if options.shared { 1 } else { options.compute.threads.clamp(1, n) };
     let compute = match options.shared {
         true => options.compute,
-        false => Compute { threads: 1, memory_limit: options.compute.memory_limit / workers as u64 },
+        false => Compute::default().with_threads(1).with_memory_limit(options.compute.memory_limit / workers as u64),
     };
     let (stopped, done, next) = (AtomicBool::new(false), AtomicUsize::new(0), AtomicUsize::new(0));
     let work = || {

@@ -17,6 +17,7 @@ use crate::progress::Progress;
 
 /// How one selection of inputs did.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct Candidate {
     /// What the process looked at.
     pub inputs: Inputs,
@@ -32,6 +33,7 @@ pub struct Candidate {
 
 /// What was learned for a joint.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct JointReport {
     /// Rows of the residual, before thinning.
     pub rows: usize,
@@ -345,15 +347,15 @@ pub(super) fn process(
         name if name.starts_with("length_scale") => Some((*theta, 1.5)),
         _ => Some((*theta, 2.0)),
     };
-    let search_options = SearchOptions {
-        starts: options.starts,
-        bounds: Some(names.iter().zip(&theta).map(|(name, theta)| bounds(name, *theta, longest_memory)).collect()),
-        priors: names.iter().zip(&theta).map(prior).collect(),
-        evaluations: options.evaluations,
-        gain: 1e-7,
-        terms: terms.map_or_else(Vec::new, |terms| points.iter().flat_map(|&k| terms.row(k).iter().copied()).collect()),
-        ..SearchOptions::default()
-    };
+    let search_options = SearchOptions::default()
+        .with_starts(options.starts)
+        .with_bounds(Some(names.iter().zip(&theta).map(|(name, theta)| bounds(name, *theta, longest_memory)).collect()))
+        .with_priors(names.iter().zip(&theta).map(prior).collect())
+        .with_evaluations(options.evaluations)
+        .with_gain(1e-7)
+        .with_terms(
+            terms.map_or_else(Vec::new, |terms| points.iter().flat_map(|&k| terms.row(k).iter().copied()).collect()),
+        );
     let found = search(&data, &start, &search_options, compute, progress)?;
     Ok(FoundProcess { gp: GaussianProcess::fit(data, found.covariance, compute)?, points, status: found.status })
 }
@@ -492,7 +494,7 @@ pub(super) fn calibration(errors: &[(f64, f64)], parts: usize) -> (f64, f64) {
     let rank = |share: f64| place_of_share(share, count);
     let wider = (1.0 + 1.0 / parts as f64).sqrt();
     let of_errors = || Calibration::of(errors.iter().copied(), rank, wider);
-    let Calibration { deviation, half_interval_95 } = if count > 0 { of_errors() } else { Calibration::NORMAL };
+    let Calibration { deviation, half_interval_95, .. } = if count > 0 { of_errors() } else { Calibration::NORMAL };
     (deviation, half_interval_95)
 }
 

@@ -16,6 +16,8 @@ mod shared;
 use std::cell::RefCell;
 use std::sync::Arc;
 
+use derive_setters::Setters;
+
 pub use fit::{fit_rest, fit_semi_parametric};
 pub use following::FollowingIntervals;
 pub use inputs::Inputs;
@@ -71,7 +73,9 @@ pub enum Mean {
 }
 
 /// How a semi-parametric model is fitted.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Setters)]
+#[setters(prefix = "with_")]
+#[non_exhaustive]
 pub struct SemiParametricOptions {
     /// How the physics is identified. With [`super::Start::Zero`] the logs hold the feedback torque of a controller with
     /// an internal model, and the result is its error (case 2 of the thesis, 4-4).
@@ -157,6 +161,7 @@ pub enum SemiParametricError {
 
 /// Torques of many samples.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct TorquePrediction {
     /// `[samples, n]`, row-major, N·m (N).
     pub tau: Vec<f64>,
@@ -174,6 +179,7 @@ pub struct TorquePrediction {
 
 /// How many measurements fall within their predicted intervals.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Coverage {
     /// Joint.
     pub joint: String,

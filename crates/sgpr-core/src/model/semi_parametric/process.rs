@@ -52,7 +52,7 @@ impl Sparse {
         projection: Mat<f64>,
     ) -> Result<Self, GpError> {
         // On one thread, so that a model read from a file has the same bits.
-        let compute = Compute { threads: 1, ..Compute::default() };
+        let compute = Compute::default().with_threads(1);
         let process = InducedProcess::new(covariance, inducing, inputs, &products, &projection, &compute)?;
         Ok(Self { process, products, projection })
     }

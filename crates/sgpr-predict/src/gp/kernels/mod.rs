@@ -70,6 +70,7 @@ pub enum Kernel {
 
 /// A leaf of a [`Kernel`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct Stationary {
     /// k as a function of the distance.
     pub shape: Shape,

@@ -47,6 +47,7 @@ pub enum SessionCause {
 
 /// What was found of a cause.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct SessionTest {
     /// What is asked.
     pub cause: SessionCause,
@@ -69,6 +70,7 @@ pub struct SessionTest {
 
 /// What sessions of one arm have in common, and what not.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct SessionComparison {
     /// Names of the sessions, as given.
     pub names: Vec<String>,

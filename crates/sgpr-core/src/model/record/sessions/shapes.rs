@@ -51,12 +51,8 @@ impl<'a> Shapes<'a> {
     }
 
     pub fn parameters(&self) -> Vec<TrajectoryColumn> {
-        let of = |joint: &Joint, index: usize, k: usize| TrajectoryColumn {
-            name: format!("{}.shape_{k}", joint.name),
-            unit: joint.kind.torque_unit(),
-            joint: Some(index),
-            non_negative: false,
-            size: 1.0,
+        let of = |joint: &Joint, index: usize, k: usize| {
+            TrajectoryColumn::new(format!("{}.shape_{k}", joint.name), joint.kind.torque_unit(), Some(index), 1.0)
         };
         let joints = self.robot.joints().iter().enumerate();
         joints.flat_map(|(index, joint)| (0..SHAPES).map(move |k| of(joint, index, k))).collect()
