@@ -14,7 +14,10 @@ use std::error::Error;
 use std::time::Instant;
 
 use rayon::prelude::*;
-use sgpr_core::identification::{BaseParameters, ClosedLoop, Method, ParameterSet, SimulatedMotion};
+use sgpr_core::identification::{
+    BaseParameters, ClosedLoop, EstimatorNeeds, INSTRUMENTAL_VARIABLES, IRLS, Method, OUTPUT_ERROR, ParameterSet,
+    RECURSIVE, RIDGE, SimulatedMotion, TOTAL_LEAST_SQUARES,
+};
 use sgpr_core::model::{Controller, Fit, IdentifyOptions, Uncertainty, identify};
 use sgpr_core::recording::Recording;
 use sgpr_core::robot::{Robot, two_link};
@@ -82,12 +85,12 @@ fn main() -> Result<(), Box<dyn Error>> {
         ("WLS", Method::Wls, Uncertainty::Memory),
         ("WLS, HAC", Method::Wls, Uncertainty::Hac),
         ("WLS, bootstrap", Method::Wls, Uncertainty::Bootstrap { replicates: 200 }),
-        ("IRLS (Huber)", Method::HUBER, Uncertainty::Memory),
-        ("ridge to CAD values 10 % off", Method::Ridge { relative_deviation: 0.1 }, Uncertainty::Memory),
-        ("TLS", Method::TotalLeastSquares { relative_noise: 0.01 }, Uncertainty::Memory),
-        ("IV, simulated instruments", Method::InstrumentalVariables, Uncertainty::Memory),
-        ("output error (DIDIM)", Method::OutputError, Uncertainty::Memory),
-        ("RLS, no forgetting", Method::Recursive { forgetting: 1.0 }, Uncertainty::Memory),
+        ("IRLS (Huber)", IRLS.method(), Uncertainty::Memory),
+        ("ridge to CAD values 10 % off", RIDGE.with(0.1), Uncertainty::Memory),
+        ("TLS", TOTAL_LEAST_SQUARES.with(0.01), Uncertainty::Memory),
+        ("IV, simulated instruments", INSTRUMENTAL_VARIABLES.method(), Uncertainty::Memory),
+        ("output error (DIDIM)", OUTPUT_ERROR.method(), Uncertainty::Memory),
+        ("RLS, no forgetting", RECURSIVE.with(1.0), Uncertainty::Memory),
     ];
     println!("{runs} experiments of {} s each.", SAMPLES as f64 / RATE_HZ);
     for scenario in &SCENARIOS {
@@ -152,7 +155,7 @@ impl Arm {
         options.conditioning.cutoff_hz = scenario.cutoff_hz;
         // The arm never stands, however noisy its speed looks.
         options.conditioning.standstill_speed = Some(0.0);
-        if matches!(method, Method::InstrumentalVariables | Method::OutputError) {
+        if method.needs() >= EstimatorNeeds::Instruments {
             options.instruments = vec![self.recording(&self.reference.q, None)?];
             options.controller = Some(Controller { kp: GAINS.0.to_vec(), kd: GAINS.1.to_vec() });
         }

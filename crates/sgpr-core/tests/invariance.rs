@@ -7,7 +7,7 @@ mod common;
 use common::data;
 use proptest::prelude::*;
 use proptest::test_runner::Config;
-use sgpr_core::identification::Method;
+use sgpr_core::identification::{IRLS, Method};
 use sgpr_core::model::{Comparison, IdentifyOptions, TorqueModel, compare, identify};
 use sgpr_core::recording::csv::{self, ReadOptions};
 use sgpr_core::recording::{PositionUnit, Recording, TimeUnit, TorqueUnit, Units, VelocityUnit};
@@ -40,7 +40,7 @@ fn fitted(robot: &Robot, logs: &[Recording], method: Method) -> TorqueModel {
 }
 
 fn methods() -> impl Strategy<Value = Method> {
-    prop_oneof![Just(Method::Ols), Just(Method::Wls), Just(Method::Irls { threshold: 1.345 })]
+    prop_oneof![Just(Method::Ols), Just(Method::Wls), Just(IRLS.with(1.345))]
 }
 
 /// Errors per joint on a log that no fit has seen.

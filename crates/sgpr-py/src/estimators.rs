@@ -3,7 +3,8 @@
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyString};
 use sgpr_core::identification::{
-    Consistency, Distance, LinkBounds, Method, ParameterBounds, PhysicalBounds, PriorWidth, Region,
+    Consistency, Distance, ESTIMATORS, Estimator, LinkBounds, Method, ParameterBounds, PhysicalBounds, PriorWidth,
+    Region,
 };
 use sgpr_core::model::Uncertainty;
 use sgpr_core::signal::Differentiation;
@@ -11,28 +12,39 @@ use sgpr_core::signal::Differentiation;
 use crate::convert::{choice, items, positive, vector3};
 use crate::errors::invalid;
 
-const METHODS: &str = "'ols', 'wls', 'irls', 'irls:THRESHOLD', 'ridge', 'ridge:RELATIVE_DEVIATION', 'tls', \
-    'tls:RELATIVE_NOISE', 'iv', 'output_error', 'rls' or 'rls:FORGETTING'";
-
 /// "wls", "irls:1.345", "rls:0.999"
 pub fn method(text: &str) -> PyResult<Method> {
-    let wrong = || invalid(format!("method = '{text}': expected {METHODS}"));
-    let (name, setting) = match text.split_once(':') {
-        Some((name, number)) => (name, Some(number.parse::<f64>().map_err(|_| wrong())?)),
-        None => (text, None),
+    text.parse().map_err(|_| {
+        let choices = Method::choices().iter().map(|choice| format!("'{choice}'")).collect::<Vec<_>>();
+        invalid(format!("method = '{text}': expected one of {}", choices.join(", ")))
+    })
+}
+
+/// Estimators beyond least squares, for `method` of `identify`.
+///
+/// Returns
+/// -------
+/// list of dict
+///     `name`, as `method` takes it; `title`, in words; `setting`, what the number in "name:number" is, and `usual`, its value
+///     unless given, or None; `needs`: "factors", works on sums of logs, too; "rows" of logs; "instruments" or the
+///     "controller".
+///
+/// Examples
+/// --------
+/// >>> [estimator["name"] for estimator in sgpr.estimators()]
+/// ['irls', 'ridge', 'tls', 'iv', 'output_error', 'rls']
+#[pyfunction]
+pub fn estimators(py: Python<'_>) -> PyResult<Vec<Bound<'_, PyDict>>> {
+    let dict = |estimator: &&Estimator| {
+        let dict = PyDict::new(py);
+        dict.set_item("name", estimator.name)?;
+        dict.set_item("title", estimator.title)?;
+        dict.set_item("setting", estimator.setting.map(|setting| setting.name))?;
+        dict.set_item("usual", estimator.setting.map(|setting| setting.usual))?;
+        dict.set_item("needs", estimator.needs.name())?;
+        Ok(dict)
     };
-    match (name, setting) {
-        ("ols", None) => Ok(Method::Ols),
-        ("wls", None) => Ok(Method::Wls),
-        ("iv", None) => Ok(Method::InstrumentalVariables),
-        ("output_error", None) => Ok(Method::OutputError),
-        ("irls", None) => Ok(Method::HUBER),
-        ("irls", Some(threshold)) => Ok(Method::Irls { threshold }),
-        ("ridge", setting) => Ok(Method::Ridge { relative_deviation: setting.unwrap_or(1.0) }),
-        ("tls", setting) => Ok(Method::TotalLeastSquares { relative_noise: setting.unwrap_or(1e-3) }),
-        ("rls", setting) => Ok(Method::Recursive { forgetting: setting.unwrap_or(1.0) }),
-        _ => Err(wrong()),
-    }
+    ESTIMATORS.iter().map(dict).collect()
 }
 
 /// "memory", "hac", "bootstrap", "bootstrap:500"

@@ -313,7 +313,8 @@ fn differentiation(text: &str) -> PyResult<Differentiation> {
 ///     "wls", least squares with each joint weighted by its noise; "ols", all alike; "irls" or "irls:THRESHOLD", Huber's
 ///     weights against outliers; "ridge" or "ridge:DEVIATION", drawn to the robot file, whose values have that relative
 ///     standard deviation; "tls" or "tls:NOISE", total least squares for columns of that relative noise; "iv",
-///     instrumental variables, and "output_error", both with `instruments`; "rls" or "rls:FORGETTING", recursive.
+///     instrumental variables, and "output_error", both with `instruments`; "rls" or "rls:FORGETTING", recursive. See
+///     `estimators`.
 /// noise : array of shape (n,), optional
 ///     Known standard deviation of each joint's torque, N·m (N), for the weights of "wls".
 /// start : {"robot_file", "zero"}

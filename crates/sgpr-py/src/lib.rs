@@ -44,6 +44,8 @@ mod _sgpr {
         SgprError, SimulationError,
     };
     #[pymodule_export]
+    use crate::estimators::estimators;
+    #[pymodule_export]
     use crate::excitation::{Excitation, Trajectory, excite};
     #[pymodule_export]
     use crate::gp::{FittedProcess, Kernel, ProcessPredictor, fit_process, restore_process};

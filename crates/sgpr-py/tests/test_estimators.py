@@ -22,6 +22,18 @@ def test_estimators_agree_on_good_logs(
     assert sgpr.compare(model, [demo_test]).relative_error_percent < 5.0
 
 
+def test_documented_estimators_are_those_of_the_library() -> None:
+    page = (Path(__file__).parents[3] / "docs" / "estimators.md").read_text()
+    table = page.split("| `method` |")[1].split("\n\n")[0]
+    rows = [re.findall(r"`([^`]+)`", line.split("|")[1]) for line in table.splitlines()[2:]]
+    documented = {names[0]: len(names) > 1 for names in rows}
+    estimators = sgpr.estimators()
+    assert documented == {"ols": False, "wls": False} | {e["name"]: e["setting"] is not None for e in estimators}
+    for name, with_setting in [(e["name"], e["setting"] is not None) for e in estimators]:
+        assert f'"{name}"' in (sgpr.identify.__doc__ or "")
+        assert (f'"{name}:' in (sgpr.identify.__doc__ or "")) == with_setting
+
+
 @pytest.mark.parametrize("method", ["lasso", "wls:2", "irls:x", "ridge:", "tls:-1", "rls:2", "irls:0"])
 def test_unknown_methods_and_settings_are_refused(
     method: str, demo_robot: sgpr.Robot, demo_logs: list[sgpr.Recording]

@@ -10,6 +10,12 @@ pub enum IdentificationError {
          joint, both ways, slowly and fast"
     )]
     NoData,
+    /// A method of another name.
+    #[error("there is no method `{text}`; expected is one of {}", super::Method::choices().join(", "))]
+    UnknownMethod {
+        /// What was asked for.
+        text: String,
+    },
     /// Fewer rows than unknowns.
     #[error(
         "{} for {}: record longer, or decimate less",

@@ -1,9 +1,9 @@
 //! One door to all estimators.
 
 use super::autocorrelation::Memory;
+use super::estimator::EstimatorTask;
 use super::groups::memories;
 use super::{Equations, Estimate, IdentificationError, JointFactor, LeastSquares, Method};
-use super::{instrumental_variables, output_error, recursive, ridge, robust, total_least_squares};
 
 /// Estimates the base parameters by any method.
 ///
@@ -38,15 +38,10 @@ pub(super) fn from_start(
     correlation: Option<&[f64]>,
 ) -> Result<Estimate, IdentificationError> {
     match *method {
-        Method::Ols | Method::Wls | Method::WlsKnown(_) => Ok(start),
-        Method::Irls { threshold } => robust::estimate(threshold, equations, factors, start, nominal),
-        Method::Ridge { relative_deviation } => ridge::estimate(relative_deviation, equations, factors, start, nominal),
-        Method::TotalLeastSquares { relative_noise } => {
-            total_least_squares::estimate(relative_noise, factors, start, nominal)
+        Method::By(estimator, setting) => {
+            (estimator.run)(EstimatorTask { setting, equations, factors, nominal, correlation }, start)
         }
-        Method::InstrumentalVariables => instrumental_variables::estimate(equations, factors, start, nominal),
-        Method::OutputError => output_error::estimate(equations, start, nominal, correlation),
-        Method::Recursive { forgetting } => recursive::estimate(forgetting, equations, factors, start, nominal),
+        _ => Ok(start),
     }
 }
 

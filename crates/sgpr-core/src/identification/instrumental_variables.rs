@@ -9,6 +9,7 @@
 
 use faer::Mat;
 
+use super::estimator::{Estimator, EstimatorNeeds, EstimatorTask};
 use super::groups::Groups;
 use super::hac::{RowsOf, score_covariance};
 use super::least_squares::Directions;
@@ -23,12 +24,17 @@ struct InstrumentProducts {
     with_residual: Vec<f64>,
 }
 
-pub(super) fn estimate(
-    equations: &mut Equations<'_>,
-    factors: &[JointFactor],
-    start: Estimate,
-    nominal: &[f64],
-) -> Result<Estimate, IdentificationError> {
+/// Instrumental variables: consistent also when the observation matrix has noise, given the motion without noise, from a
+/// simulation or the reference ([`Trajectory::instruments`]).
+pub static INSTRUMENTAL_VARIABLES: Estimator = Estimator {
+    needs: EstimatorNeeds::Instruments,
+    reweights: true,
+    counts_memory: true,
+    ..Estimator::new("iv", "weighted instrumental variables", estimate)
+};
+
+fn estimate(task: EstimatorTask<'_, '_>, start: Estimate) -> Result<Estimate, IdentificationError> {
+    let EstimatorTask { equations, factors, nominal, .. } = task;
     if equations
         .trajectories()
         .iter()
@@ -95,7 +101,8 @@ fn simulated(
         ..*trajectory
     });
     let (robot, set, base) = (equations.robot(), equations.parameter_set(), equations.base());
-    estimate(&mut Equations::new(robot, set, base, trajectories.collect()), factors, start, nominal)
+    let equations = &mut Equations::new(robot, set, base, trajectories.collect());
+    estimate(EstimatorTask { setting: 0.0, equations, factors, nominal, correlation: None }, start)
 }
 
 impl InstrumentProducts {

@@ -370,9 +370,9 @@ pub struct Trajectory<'a> {
     /// Every how many rows are taken.
     pub decimation: usize,
     /// The same motion without its measurement noise, from a simulation or the reference: for
-    /// [`Method::InstrumentalVariables`](super::Method::InstrumentalVariables).
+    /// [`INSTRUMENTAL_VARIABLES`](super::INSTRUMENTAL_VARIABLES).
     pub instruments: Option<Samples<'a>>,
-    /// Controller and reference of the motion, for [`Method::OutputError`](super::Method::OutputError), and to simulate
+    /// Controller and reference of the motion, for [`OUTPUT_ERROR`](super::OUTPUT_ERROR), and to simulate
     /// instruments with where none are given.
     pub closed_loop: Option<&'a ClosedLoop<'a>>,
     /// Values of [`ParameterSet::trajectory_columns`], `[samples]` each, `[samples, n]` where a column is part of the torque

@@ -7,6 +7,7 @@
 //! robot dynamics, IEEE T-CST 21(2) (2013): DIDIM, direct and inverse dynamic identification models.
 
 use super::closed_loop::SimulatedMotion;
+use super::estimator::{Estimator, EstimatorNeeds, EstimatorTask};
 use super::least_squares::residual_norm;
 use super::{
     ClosedLoop, Equations, Estimate, IdentificationError, JointFactor, LeastSquares, Method, ParameterSet, Trajectory,
@@ -28,12 +29,15 @@ const ROUNDING: f64 = 1e-12;
 /// misfit is not where simulation and least squares agree to the last digit.
 const SETTLED: f64 = 0.5;
 
-pub(super) fn estimate(
-    equations: &Equations<'_>,
-    start: Estimate,
-    nominal: &[f64],
-    correlation: Option<&[f64]>,
-) -> Result<Estimate, IdentificationError> {
+/// Closed-loop output error: the rows are those of the arm simulated under its controller ([`Trajectory::closed_loop`]), again and
+/// again with the parameters found (DIDIM).
+pub static OUTPUT_ERROR: Estimator = Estimator {
+    needs: EstimatorNeeds::Controller,
+    ..Estimator::new("output_error", "closed-loop output error", estimate)
+};
+
+fn estimate(task: EstimatorTask<'_, '_>, start: Estimate) -> Result<Estimate, IdentificationError> {
+    let EstimatorTask { equations, nominal, correlation, .. } = task;
     let least_squares = LeastSquares { method: Method::Wls, correlation: correlation.map(<[f64]>::to_vec) };
     let mut best: Option<SearchEnd> = None;
     for run in starts(equations, &start.values, nominal)? {

@@ -74,7 +74,7 @@ impl PriorWidth {
 /// [`estimate`](super::estimate()) under a prior.
 ///
 /// Other methods than least squares give an estimate t with the information I of its rows; data and prior together say
-/// (I + PᵀP)⁻¹ (I t + PᵀP mean). [`Method::Ridge`] has a prior of its own and stays as it is.
+/// (I + PᵀP)⁻¹ (I t + PᵀP mean). [`RIDGE`](super::RIDGE) has a prior of its own and stays as it is.
 ///
 /// # Errors
 /// As [`estimate`](super::estimate()), but that there may be few rows; [`IdentificationError::Prior`] for a width that is
@@ -89,12 +89,12 @@ pub fn estimate_with_prior(
 ) -> Result<Held, IdentificationError> {
     let start = LeastSquares { method: method.clone(), correlation: correlation.map(<[f64]>::to_vec) };
     let held = start.solve_with_prior(factors, prior, width)?;
-    if matches!(method, Method::Ols | Method::Wls | Method::WlsKnown(_)) {
+    if method.is_least_squares() {
         return Ok(held);
     }
     let mut found =
         estimate::from_start(method, equations, factors, held.estimate.clone(), held.prior.mean(), correlation)?;
-    if matches!(method, Method::Ridge { .. }) {
+    if method.has_prior() {
         return Ok(Held { estimate: found, ..held });
     }
     // The rows know as much as those of least squares, joint by joint; where the method puts the

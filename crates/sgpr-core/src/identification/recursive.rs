@@ -2,9 +2,10 @@
 
 use faer::Mat;
 
+use super::estimator::{Estimator, EstimatorSetting, EstimatorTask};
 use super::groups::Groups;
 use super::least_squares::Solution;
-use super::{Equations, Estimate, IdentificationError, JointFactor};
+use super::{Estimate, IdentificationError};
 
 /// Least squares that takes one row after the other, with a memory that fades: for parameters that change, as when a
 /// payload is picked up.
@@ -109,13 +110,15 @@ impl RecursiveLeastSquares {
     }
 }
 
-pub(super) fn estimate(
-    forgetting: f64,
-    equations: &mut Equations<'_>,
-    factors: &[JointFactor],
-    start: Estimate,
-    nominal: &[f64],
-) -> Result<Estimate, IdentificationError> {
+/// Recursive weighted least squares, sample after sample, what is past losing weight; the estimates are those at the end. Setting:
+/// weight that a sample keeps from one row of the decimated log to the next; 1 forgets nothing.
+pub static RECURSIVE: Estimator = Estimator {
+    setting: EstimatorSetting::new("FORGETTING", 1.0),
+    ..Estimator::new("rls", "recursive weighted least squares", estimate)
+};
+
+fn estimate(task: EstimatorTask<'_, '_>, start: Estimate) -> Result<Estimate, IdentificationError> {
+    let EstimatorTask { setting: forgetting, equations, factors, nominal, .. } = task;
     if !(forgetting > 0.0 && forgetting <= 1.0) {
         return Err(IdentificationError::Setting { setting: "forgetting", value: forgetting });
     }

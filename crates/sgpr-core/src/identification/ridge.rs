@@ -4,24 +4,30 @@
 
 use faer::Mat;
 
+use super::estimator::{Estimator, EstimatorNeeds, EstimatorSetting, EstimatorTask};
 use super::least_squares::{Solution, torque_sizes};
 use super::parameter_scales::parameter_scales;
-use super::{Equations, Estimate, IdentificationError, JointFactor};
+use super::{Estimate, IdentificationError};
 use crate::linalg::{cholesky, triangle};
 
 /// Standard deviation, in units of their expected size, of parameters of which the robot file says nothing: the pull on
 /// them is a millionth of a millionth of what it would be.
 const UNKNOWN: f64 = 1e6;
 
+/// Weighted least squares pulled toward the robot file: a normal prior on all standard parameters, those of a link in the units
+/// of its mass and size. Setting: standard deviation of the robot file's values as a share of them.
+pub static RIDGE: Estimator = Estimator {
+    setting: EstimatorSetting::new("RELATIVE_DEVIATION", 1.0),
+    needs: EstimatorNeeds::Factors,
+    reweights: true,
+    has_prior: true,
+    ..Estimator::new("ridge", "weighted least squares with a pull toward the robot file", estimate)
+};
+
 /// The prior makes all standard parameters independent, with deviations in the units of their link, so the base parameters
 /// have the covariance B D Bᵀ; its inverse root stands below the data as more rows.
-pub(super) fn estimate(
-    relative_deviation: f64,
-    equations: &Equations<'_>,
-    factors: &[JointFactor],
-    start: Estimate,
-    nominal: &[f64],
-) -> Result<Estimate, IdentificationError> {
+fn estimate(task: EstimatorTask<'_, '_>, start: Estimate) -> Result<Estimate, IdentificationError> {
+    let EstimatorTask { setting: relative_deviation, equations, factors, nominal, .. } = task;
     super::check_prior_deviation(relative_deviation)?;
     let (base, unknowns) = (equations.base(), nominal.len());
     let set = equations.parameter_set();

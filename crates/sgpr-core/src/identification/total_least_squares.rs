@@ -5,16 +5,22 @@
 
 use faer::Mat;
 
+use super::estimator::{Estimator, EstimatorNeeds, EstimatorSetting, EstimatorTask};
 use super::least_squares::Scaled;
-use super::{Estimate, IdentificationError, JointFactor};
+use super::{Estimate, IdentificationError};
 use crate::linalg::Svd;
 
-pub(super) fn estimate(
-    relative_noise: f64,
-    factors: &[JointFactor],
-    mut start: Estimate,
-    nominal: &[f64],
-) -> Result<Estimate, IdentificationError> {
+/// Weighted total least squares: the observation matrix has noise too. Setting: standard deviation of a column's noise as a share
+/// of the column's root mean square.
+pub static TOTAL_LEAST_SQUARES: Estimator = Estimator {
+    setting: EstimatorSetting::new("RELATIVE_NOISE", 1e-3),
+    needs: EstimatorNeeds::Factors,
+    reweights: true,
+    ..Estimator::new("tls", "weighted total least squares", estimate)
+};
+
+fn estimate(task: EstimatorTask<'_, '_>, mut start: Estimate) -> Result<Estimate, IdentificationError> {
+    let EstimatorTask { setting: relative_noise, factors, nominal, .. } = task;
     if !(relative_noise > 0.0 && relative_noise < 1.0) {
         return Err(IdentificationError::Setting { setting: "relative noise of the columns", value: relative_noise });
     }

@@ -2,7 +2,8 @@
 
 use sgpr_core::dynamics::Samples;
 use sgpr_core::identification::{
-    Equations, LeastSquares, Method, block_bootstrap, essential_parameters, hac_covariance, residual_correlation,
+    Equations, INSTRUMENTAL_VARIABLES, LeastSquares, Method, block_bootstrap, essential_parameters, hac_covariance,
+    residual_correlation,
 };
 
 use crate::arm::{Experiment, trajectory};
@@ -123,7 +124,7 @@ fn coverage_with_instruments(positions: f64, memory: f64, seed: u64) -> [f64; 2]
         }
         let noise = coloured(2500, memory, &mut random);
         let tau: Vec<f64> = motion.tau.iter().zip(noise).map(|(tau, noise)| tau + 0.5 * noise).collect();
-        let found = experiment.estimate(&Method::InstrumentalVariables, &noisy, &tau).expect("good data");
+        let found = experiment.estimate(&INSTRUMENTAL_VARIABLES.method(), &noisy, &tau).expect("good data");
         let spread = found.standard_deviations();
         let covered = |k: &usize| (found.values[*k] - expected[*k]).abs() < 1.96 * spread[*k];
         shares.push((0..expected.len()).filter(covered).count() as f64 / expected.len() as f64);

@@ -2,24 +2,34 @@
 //! some.
 
 use sgpr_core::identification::{
-    Equations, Estimate, IdentificationError, JointFactor, Method, Row, SimulatedMotion, estimate, residual_correlation,
+    ESTIMATORS, Equations, Estimate, INSTRUMENTAL_VARIABLES, IRLS, IdentificationError, JointFactor, Method,
+    OUTPUT_ERROR, RECURSIVE, RIDGE, Row, SimulatedMotion, TOTAL_LEAST_SQUARES, estimate, residual_correlation,
 };
 
 use crate::arm::{Experiment, largest_difference, trajectory};
 use crate::noise::Noise;
 
-fn every_method() -> [Method; 9] {
-    [
-        Method::Ols,
-        Method::Wls,
-        Method::WlsKnown(vec![2.0, 1.0]),
-        Method::HUBER,
-        Method::Ridge { relative_deviation: 1.0 },
-        Method::TotalLeastSquares { relative_noise: 1e-3 },
-        Method::InstrumentalVariables,
-        Method::OutputError,
-        Method::Recursive { forgetting: 0.999 },
-    ]
+fn every_method() -> Vec<Method> {
+    let beyond = ESTIMATORS.iter().map(|estimator| estimator.method());
+    let plain = [Method::Ols, Method::Wls, Method::WlsKnown(vec![2.0, 1.0]), RECURSIVE.with(0.999)];
+    plain.into_iter().chain(beyond).collect()
+}
+
+#[test]
+fn every_choice_is_a_method() {
+    assert!(Method::choices().contains(&"irls:THRESHOLD".into()), "{:?}", Method::choices());
+    for choice in Method::choices() {
+        let (name, with_setting) = choice.split_once(':').map_or((&*choice, false), |(name, _)| (name, true));
+        let text = if with_setting { format!("{name}:0.25") } else { choice.clone() };
+        let method: Method = text.parse().expect("a choice");
+        assert_eq!(method.name(), name);
+        assert!(!with_setting || matches!(method, Method::By(_, setting) if setting == 0.25), "{method:?}");
+    }
+    assert_eq!("rls".parse(), Ok(RECURSIVE.with(1.0)));
+    for text in ["", "lasso", "wls:2", "iv:1", "irls:", "irls:x"] {
+        let error = text.parse::<Method>().expect_err("no method").to_string();
+        assert!(error.contains(&format!("`{text}`")) && error.contains("tls:RELATIVE_NOISE"), "{error}");
+    }
 }
 
 #[test]
@@ -49,7 +59,7 @@ fn a_few_rows_at_rest_do_not_take_over() {
         tau[2 * k] += 3.0;
     }
     let trajectory = trajectory(&motion, &tau).with_use_as(Some(&rows));
-    for method in [Method::Wls, Method::HUBER] {
+    for method in [Method::Wls, IRLS.method()] {
         let mut equations = Equations::new(&experiment.robot, &experiment.set, &experiment.base, vec![trajectory]);
         let factors = equations.factors().expect("good data");
         let found = estimate(&method, &mut equations, &factors, &experiment.nominal(), None).expect("good data");
@@ -66,7 +76,7 @@ fn huber_is_not_moved_by_a_few_wrong_torques() {
     let mut outlier = |k: usize| 0.1 * noise.normal() + if k % 23 == 4 { 8.0 } else { 0.0 };
     let tau: Vec<f64> = motion.tau.iter().enumerate().map(|(k, tau)| tau + outlier(k)).collect();
     let expected = experiment.expected();
-    let robust = experiment.estimate(&Method::HUBER, &motion, &tau).expect("good data");
+    let robust = experiment.estimate(&IRLS.method(), &motion, &tau).expect("good data");
     let plain = experiment.estimate(&Method::Wls, &motion, &tau).expect("good data");
     let (robust_error, plain_error) =
         (largest_difference(&robust.values, &expected), largest_difference(&plain.values, &expected));
@@ -90,7 +100,7 @@ fn a_log_that_the_model_describes_badly_does_not_pull_the_parameters() {
         let trajectories = logs.iter().map(|tau| trajectory(&motion, tau)).collect();
         let mut equations = Equations::new(&experiment.robot, &experiment.set, &experiment.base, trajectories);
         let factors = equations.factors().expect("good data");
-        solve(&Method::HUBER, &mut equations, &factors, &experiment.nominal())
+        solve(&IRLS.method(), &mut equations, &factors, &experiment.nominal())
     };
     let error = |logs: &[&[f64]]| largest_difference(&found(logs).values, &expected);
     let (alone, bad, both) = (error(&[&calm]), error(&[&lacking]), error(&[&calm, &lacking]));
@@ -109,7 +119,7 @@ fn a_narrow_prior_stays_at_the_robot_file_and_a_wide_one_is_weighted_least_squar
     let mut noise = Noise(5);
     let tau: Vec<f64> = motion.tau.iter().map(|tau| tau + noise.normal()).collect();
     let solve = |method: Method| experiment.estimate(&method, &motion, &tau).expect("good data").values;
-    let narrow = solve(Method::Ridge { relative_deviation: 1e-7 });
+    let narrow = solve(RIDGE.with(1e-7));
     let (set, base, nominal) = (&experiment.set, &experiment.base, experiment.nominal());
     let mut free = 0;
     for (k, value) in narrow.iter().enumerate() {
@@ -127,7 +137,7 @@ fn a_narrow_prior_stays_at_the_robot_file_and_a_wide_one_is_weighted_least_squar
     bodies[set.inertial()..].fill(0.0);
     let mut equations = Equations::new(&experiment.robot, set, base, vec![trajectory(&motion, &tau)]);
     let factors = equations.factors().expect("good data");
-    let method = Method::Ridge { relative_deviation: 1e-3 };
+    let method = RIDGE.with(1e-3);
     let found = estimate(&method, &mut equations, &factors, &base.combine(&bodies), None).expect("good data");
     for (k, expected) in experiment.expected().iter().enumerate() {
         if base.independent()[k] >= set.inertial() {
@@ -136,7 +146,7 @@ fn a_narrow_prior_stays_at_the_robot_file_and_a_wide_one_is_weighted_least_squar
             assert!(value / expected > 0.5, "{}: {value} {expected}", base.names()[k]);
         }
     }
-    let wide = solve(Method::Ridge { relative_deviation: 1e7 });
+    let wide = solve(RIDGE.with(1e7));
     assert!(largest_difference(&wide, &solve(Method::Wls)) < 1e-6);
 }
 
@@ -156,7 +166,7 @@ fn noise_in_the_positions_biases_least_squares_and_neither_instruments_nor_outpu
         error.fold(0.0, f64::max)
     };
     let (plain, instruments, output) =
-        (distance(Method::Wls), distance(Method::InstrumentalVariables), distance(Method::OutputError));
+        (distance(Method::Wls), distance(INSTRUMENTAL_VARIABLES.method()), distance(OUTPUT_ERROR.method()));
     assert!(plain > 8.0, "least squares is {plain} standard deviations off");
     assert!(instruments < 4.0 && output < 4.0, "{instruments} {output}");
 }
@@ -184,8 +194,8 @@ fn forgetting_follows_a_payload_that_is_picked_up() {
         let factors = equations.factors().expect("good data");
         solve(&method, &mut equations, &factors, &experiment.nominal())
     };
-    let forgetful = estimate(Method::Recursive { forgetting: 0.99 });
-    let elephant = estimate(Method::Recursive { forgetting: 1.0 });
+    let forgetful = estimate(RECURSIVE.with(0.99));
+    let elephant = estimate(RECURSIVE.with(1.0));
     assert!(largest_difference(&before, &after) > 0.4);
     let error = largest_difference(&forgetful.values, &after);
     assert!(error < 0.05, "{:?} {after:?}", forgetful.values);
@@ -203,7 +213,7 @@ fn a_controller_that_does_not_hold_the_arm_is_named() {
     let motion = experiment.run(&experiment.truth);
     experiment.kp = [-400.0, -300.0];
     experiment.kd = [-40.0, -30.0];
-    let refused = experiment.estimate(&Method::OutputError, &motion, &motion.tau).expect_err("no arm is held");
+    let refused = experiment.estimate(&OUTPUT_ERROR.method(), &motion, &motion.tau).expect_err("no arm is held");
     assert_eq!(refused, IdentificationError::Diverged { trajectory: 0 });
     assert!(refused.to_string().contains("sign and unit of the gains"), "{refused}");
 }
@@ -213,17 +223,17 @@ fn settings_out_of_range_and_missing_things_are_named() {
     let experiment = Experiment::new(300);
     let motion = experiment.run(&experiment.truth);
     let message = |method: Method| experiment.estimate(&method, &motion, &motion.tau).expect_err("refused").to_string();
-    assert!(message(Method::Irls { threshold: -1.0 }).contains("threshold"));
-    assert!(message(Method::Irls { threshold: 1e-300 }).contains("threshold"));
+    assert!(message(IRLS.with(-1.0)).contains("threshold"));
+    assert!(message(IRLS.with(1e-300)).contains("threshold"));
     for relative_deviation in [f64::NAN, 0.0, 1e-160, 1e160] {
-        assert!(message(Method::Ridge { relative_deviation }).contains("prior: it is between 1e-9 and 1e9"));
+        assert!(message(RIDGE.with(relative_deviation)).contains("prior: it is between 1e-9 and 1e9"));
     }
-    assert!(message(Method::TotalLeastSquares { relative_noise: 2.0 }).contains("noise of the columns"));
-    assert!(message(Method::Recursive { forgetting: 1.5 }).contains("forgetting"));
+    assert!(message(TOTAL_LEAST_SQUARES.with(2.0)).contains("noise of the columns"));
+    assert!(message(RECURSIVE.with(1.5)).contains("forgetting"));
     let mut equations =
         Equations::new(&experiment.robot, &experiment.set, &experiment.base, vec![trajectory(&motion, &motion.tau)]);
     let factors = equations.factors().expect("good data");
-    for (method, word) in [(Method::InstrumentalVariables, "instruments"), (Method::OutputError, "controller")] {
+    for (method, word) in [(INSTRUMENTAL_VARIABLES.method(), "instruments"), (OUTPUT_ERROR.method(), "controller")] {
         let error = estimate(&method, &mut equations, &factors, &experiment.nominal(), None).expect_err("refused");
         assert!(error.to_string().contains(word), "{error}");
     }

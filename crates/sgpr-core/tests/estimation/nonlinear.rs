@@ -4,7 +4,7 @@ use sgpr_core::diagnosis::{DiagnosisOptions, add, diagnose};
 use sgpr_core::dynamics::Samples;
 use sgpr_core::effects::{Entry, Site, by_name, registry};
 use sgpr_core::identification::{
-    self, BaseParameters, Consistency, Equations, LinkBounds, Method, ParameterSet, PhysicalBounds,
+    self, BaseParameters, Consistency, Equations, LinkBounds, OUTPUT_ERROR, ParameterSet, PhysicalBounds,
 };
 use sgpr_core::model::{Controller, IdentifyError, IdentifyOptions, Term, TorqueModel, Trajectory, compare, identify};
 use sgpr_core::motion::{Conditioning, Motion};
@@ -240,7 +240,7 @@ fn what_cannot_be_is_said() {
     assert!(whole.to_string().contains("whole arm"), "{whole}");
     let simulated = failed(
         &options(&["stribeck_friction"])
-            .with_method(Method::OutputError)
+            .with_method(OUTPUT_ERROR.method())
             .with_controller(Some(Controller { kp: vec![1.0; 2], kd: vec![1.0; 2] })),
     );
     assert!(matches!(simulated, IdentifyError::NotSimulated { .. }), "{simulated}");

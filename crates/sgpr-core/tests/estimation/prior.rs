@@ -4,8 +4,8 @@ use faer::Mat;
 use faer::linalg::solvers::Solve;
 use sgpr_core::dynamics::Samples;
 use sgpr_core::identification::{
-    Equations, IdentificationError, LeastSquares, LeftOut, Method, Observation, ParameterPrior, PriorWidth, estimate,
-    estimate_with_prior,
+    Equations, IRLS, IdentificationError, LeastSquares, LeftOut, Method, Observation, ParameterPrior, PriorWidth,
+    RECURSIVE, estimate, estimate_with_prior,
 };
 use sgpr_core::model::{IdentifyError, IdentifyOptions, TorqueModel, compare, identify};
 use sgpr_core::recording::Recording;
@@ -59,7 +59,7 @@ fn rich_logs_are_followed_by_every_estimator() {
     let mut noise = Noise(11);
     let tau: Vec<f64> = motion.tau.iter().map(|tau| tau + 0.3 * noise.normal()).collect();
     let nominal = nominal(&experiment);
-    for method in [Method::Ols, Method::Wls, Method::HUBER, Method::Recursive { forgetting: 1.0 }] {
+    for method in [Method::Ols, Method::Wls, IRLS.method(), RECURSIVE.with(1.0)] {
         let rows = vec![trajectory(&motion, &tau)];
         let mut equations = Equations::new(&experiment.robot, &experiment.set, &experiment.base, rows);
         let factors = equations.factors().expect("good data");

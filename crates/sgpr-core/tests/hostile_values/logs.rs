@@ -4,7 +4,9 @@ use proptest::prelude::*;
 use proptest::test_runner::Config;
 use sgpr_core::diagnosis::{DiagnosisOptions, diagnose};
 use sgpr_core::dynamics::{BatchWorkspace, Samples, rnea_batch};
-use sgpr_core::identification::{Consistency, Method};
+use sgpr_core::identification::{
+    Consistency, ESTIMATORS, EstimatorNeeds, Method, RECURSIVE, RIDGE, TOTAL_LEAST_SQUARES,
+};
 use sgpr_core::model::{
     IdentifyOptions, SemiParametricOptions, TorqueModel, Uncertainty, compare, fit_semi_parametric, identify, screen,
 };
@@ -102,14 +104,9 @@ impl Change {
 }
 
 fn methods() -> Vec<Method> {
-    vec![
-        Method::Ols,
-        Method::Wls,
-        Method::Irls { threshold: 1.345 },
-        Method::Ridge { relative_deviation: 0.3 },
-        Method::TotalLeastSquares { relative_noise: 0.01 },
-        Method::Recursive { forgetting: 1.0 },
-    ]
+    let alone = ESTIMATORS.iter().filter(|estimator| estimator.needs < EstimatorNeeds::Instruments);
+    let stronger = [Method::Ols, Method::Wls, RIDGE.with(0.3), TOTAL_LEAST_SQUARES.with(0.01)];
+    stronger.into_iter().chain(alone.map(|estimator| estimator.method())).collect()
 }
 
 pub(crate) fn options(method: Method) -> IdentifyOptions {
@@ -132,7 +129,7 @@ pub(crate) fn requests() -> Vec<IdentifyOptions> {
     all.extend([consistent(false), consistent(true)]);
     all.extend([Uncertainty::Hac, Uncertainty::Bootstrap { replicates: 20 }].map(with_uncertainty));
     // Hardly more rows than parameters.
-    for method in [Method::Wls, Method::Recursive { forgetting: 0.9 }] {
+    for method in [Method::Wls, RECURSIVE.with(0.9)] {
         let mut few = with_uncertainty(Uncertainty::Hac);
         few.conditioning.decimation = Some(250);
         all.push(few.with_method(method));

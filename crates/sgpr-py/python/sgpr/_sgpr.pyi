@@ -72,6 +72,7 @@ __all__ = [
     "diagnose",
     "diagnose_records",
     "effects",
+    "estimators",
     "excite",
     "fit_process",
     "fit_semi_parametric",
@@ -751,13 +752,14 @@ class CutoffInfluence:
     @property
     def model(self) -> Model: ...
 
+def estimators() -> list[dict[str, Any]]: ...  # name, title, setting, usual, needs
 def effects() -> list[dict[str, Any]]: ...  # name, summary, parameters [(name, unit, unit_prismatic)], formula, ...
 def identify(
     robot: Robot,
     recordings: _Logs,
     *,
     effects: Sequence[str] = ("viscous_friction", "coulomb_friction", "rotor_inertia", "torque_offset"),
-    method: str = "wls",  # "ols", "irls:1.345", "ridge:1.0", "tls:0.001", "iv", "output_error", "rls:0.999"
+    method: str = "wls",  # "ols", "irls:1.345", ...: estimators()
     noise: ArrayLike | None = None,  # known standard deviation per joint: method "wls" with it
     start: Literal["robot_file", "zero"] = "robot_file",
     cutoff_hz: float | None = None,

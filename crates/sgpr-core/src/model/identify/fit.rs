@@ -9,10 +9,10 @@ use super::references::{instruments, loops};
 use super::source::{Logs, PARTS, Source, SourceFactors};
 use super::{FitOutcome, Given, IdentifyError, IdentifyOptions, Start, Uncertainty};
 use crate::identification::{
-    BaseParameters, Consistency, ConsistentParameters, Costs, Dispersion, Equations, Essential, Estimate, Finding,
-    Forecast, Held, IdentificationError, JointFactor, KeptOut, LeastSquares, LeftOut, Method, ParameterPrior,
-    ParameterSet, PriorWidth, block_bootstrap, essential_parameters, estimate, hac_covariance, nearest_load,
-    screen_factors, screen_logs, screen_scale, stack, stacked, torque_sizes, weakest_good_deviation,
+    BaseParameters, Consistency, ConsistentParameters, Costs, Dispersion, Equations, Essential, Estimate,
+    EstimatorNeeds, Finding, Forecast, Held, IdentificationError, JointFactor, KeptOut, LeastSquares, LeftOut,
+    ParameterPrior, ParameterSet, PriorWidth, block_bootstrap, essential_parameters, estimate, hac_covariance,
+    nearest_load, screen_factors, screen_logs, screen_scale, stack, stacked, torque_sizes, weakest_good_deviation,
 };
 use crate::linalg::symmetric_eigen;
 use crate::model::experiment::Experiment;
@@ -104,7 +104,7 @@ pub(in crate::model) fn require_one_arm(options: &IdentifyOptions) -> Result<(),
 }
 
 fn require_simulated(options: &IdentifyOptions, others: &[Placed]) -> Result<(), IdentifyError> {
-    if !others.is_empty() && (options.controller.is_some() || options.method == Method::OutputError) {
+    if !others.is_empty() && (options.controller.is_some() || options.method.needs() == EstimatorNeeds::Controller) {
         let effects = others.iter().map(|(effect, _)| effect.name().into()).collect();
         return Err(IdentifyError::NotSimulated { effects });
     }
@@ -462,7 +462,7 @@ fn follow(estimate: &mut Estimate, moved: &[usize], steps: &[f64]) {
 
 /// Whether the covariance counts how much the residual of each joint remembers.
 fn counts_memory(options: &IdentifyOptions) -> bool {
-    options.uncertainty == Uncertainty::Memory && options.method != Method::InstrumentalVariables
+    options.uncertainty == Uncertainty::Memory && !options.method.counts_memory()
 }
 
 /// Sets the covariance as the options ask for it.
@@ -485,7 +485,7 @@ fn set_uncertainty(
         // Under a prior what left-out parts show is counted.
         Uncertainty::Memory => return Ok(()),
         // The deviations of instrumental variables take residuals as they are already.
-        Uncertainty::Hac if options.method == Method::InstrumentalVariables => return Ok(()),
+        Uncertainty::Hac if options.method.counts_memory() => return Ok(()),
         Uncertainty::Hac => hac_covariance(equations, factors, estimate, None)?,
         Uncertainty::Bootstrap { replicates } => {
             block_bootstrap(equations, factors, estimate, replicates.max(2), None)?.covariance()

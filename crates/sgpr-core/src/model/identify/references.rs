@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::{Controller, IdentifyError, IdentifyOptions};
-use crate::identification::{ClosedLoop, Method};
+use crate::identification::{ClosedLoop, EstimatorNeeds};
 use crate::model::experiment::select_joints;
 use crate::motion::{Motion, Processing, stretches_of};
 use crate::recording::Recording;
@@ -55,7 +55,11 @@ pub(super) fn loops<'a>(
     references: &'a [Arc<Motion>],
 ) -> Result<Vec<ClosedLoop<'a>>, IdentifyError> {
     let Some(Controller { kp, kd }) = &options.controller else {
-        return if options.method == Method::OutputError { Err(IdentifyError::NoController) } else { Ok(Vec::new()) };
+        return if options.method.needs() == EstimatorNeeds::Controller {
+            Err(IdentifyError::NoController)
+        } else {
+            Ok(Vec::new())
+        };
     };
     if references.is_empty() {
         return Err(IdentifyError::NoController);

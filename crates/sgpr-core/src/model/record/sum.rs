@@ -9,8 +9,8 @@ use super::super::torque_model::nominal_parameters;
 use super::super::{IdentificationReport, IdentifyError, IdentifyOptions, Start, TorqueModel, Uncertainty};
 use super::{JointExtent, Record, RecordError, RecordMemory};
 use crate::identification::{
-    BaseParameters, Equations, JointFactor, Method, ParameterSet, piece_of, residual_norm, rows_per_independent_row,
-    stacked,
+    BaseParameters, Equations, EstimatorNeeds, JointFactor, ParameterSet, piece_of, residual_norm,
+    rows_per_independent_row, stacked,
 };
 use crate::progress::Progress;
 use crate::robot::Robot;
@@ -64,14 +64,11 @@ pub fn identify_records(
 /// Refuses what looks at single rows.
 fn require_sums(options: &IdentifyOptions) -> Result<(), RecordError> {
     let needs_rows = |what: &str| Err(RecordError::NeedsRows { what: what.into() });
-    match (&options.method, options.uncertainty) {
-        (
-            Method::Ols | Method::Wls | Method::WlsKnown(_) | Method::Ridge { .. } | Method::TotalLeastSquares { .. },
-            Uncertainty::Memory,
-        ) => {}
-        (_, Uncertainty::Hac) => return needs_rows("uncertainty `hac`"),
-        (_, Uncertainty::Bootstrap { .. }) => return needs_rows("uncertainty `bootstrap`"),
-        (method, _) => return needs_rows(method.title()),
+    match options.uncertainty {
+        Uncertainty::Memory if options.method.needs() == EstimatorNeeds::Factors => {}
+        Uncertainty::Memory => return needs_rows(options.method.title()),
+        Uncertainty::Hac => return needs_rows("uncertainty `hac`"),
+        Uncertainty::Bootstrap { .. } => return needs_rows("uncertainty `bootstrap`"),
     }
     if options.forecast {
         return needs_rows("a forecast of how much data is enough");

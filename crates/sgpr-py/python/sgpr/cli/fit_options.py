@@ -7,6 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
+from .. import estimators
 from .effects import effects_option, fitted_effects
 from .errors import BadData, one_of, wrong_use
 
@@ -14,6 +15,12 @@ FIT = "Identification"
 BODIES = "Physical consistency"
 EQUATIONS = "Equations"
 MOST_REPLICATES = 100_000
+
+
+def _estimators() -> str:
+    """The estimators beyond least squares, in words."""
+    settings = {e["name"]: f" or {e['name']}:{e['setting']}" if e["setting"] else "" for e in estimators()}
+    return "; ".join(f"{e['title']} ({e['name']}{settings[e['name']]})" for e in estimators())
 
 
 @dataclass(frozen=True)
@@ -199,9 +206,7 @@ class IdentificationOptions:
         typer.Option(
             "--method",
             metavar="METHOD",
-            help="Ordinary or weighted least squares (ols, wls), against outliers (irls, irls:THRESHOLD), drawn to the "
-            "robot file (ridge, ridge:DEVIATION), total (tls, tls:NOISE), recursive (rls, rls:FORGETTING), "
-            "instrumental variables (iv), the error of the simulated arm (output_error).",
+            help=f"Ordinary or weighted least squares (ols, wls); {_estimators()}.",
             rich_help_panel=FIT,
         ),
     ] = "wls"
@@ -264,17 +269,19 @@ class IdentificationOptions:
 
     def arguments(self) -> dict[str, Any]:
         """What `sgpr.identify` takes, without the instruments, which are logs."""
+        needs = next((e["needs"] for e in estimators() if e["name"] == self.method), None)
         for option, value in (("--instruments", self.instruments), ("--kp", self.kp), ("--kd", self.kd)):
-            if value is not None and self.method not in ("iv", "output_error"):
-                raise wrong_use("belongs to --method iv or output_error", option)
+            if value is not None and needs not in ("instruments", "controller"):
+                names = " or ".join(e["name"] for e in estimators() if e["needs"] in ("instruments", "controller"))
+                raise wrong_use(f"belongs to --method {names}", option)
         if (self.kp is None) != (self.kd is None):
             raise wrong_use(
                 "a controller has both; zeros where it has no such gain", "--kp" if self.kp is None else "--kd"
             )
-        if self.method in ("iv", "output_error") and not self.instruments:
+        if needs in ("instruments", "controller") and not self.instruments:
             raise wrong_use(f"{self.method} needs the references or instruments of the training logs", "--instruments")
-        if self.method == "output_error" and self.kp is None:
-            raise wrong_use("output_error simulates the arm under its controller: give its gains", "--kp")
+        if needs == "controller" and self.kp is None:
+            raise wrong_use(f"{self.method} simulates the arm under its controller: give its gains", "--kp")
         return {
             "method": self._method(),
             "essential": self.essential,
@@ -286,9 +293,11 @@ class IdentificationOptions:
 
     def _method(self) -> str:
         name, _, setting = self.method.partition(":")
-        one_of(name, ("ols", "wls", "irls", "ridge", "tls", "rls", "iv", "output_error"), "--method", "method")
-        if setting and (name not in ("irls", "ridge", "tls", "rls") or not _is_number(setting)):
-            raise wrong_use(f"`{self.method}`: only irls, ridge, tls and rls have a number", "--method")
+        one_of(name, ("ols", "wls", *(e["name"] for e in estimators())), "--method", "method")
+        with_number = [e["name"] for e in estimators() if e["setting"]]
+        if setting and (name not in with_number or not _is_number(setting)):
+            known = f"{', '.join(with_number[:-1])} and {with_number[-1]}"
+            raise wrong_use(f"`{self.method}`: only {known} have a number", "--method")
         return self.method
 
     def _uncertainty(self) -> str:
