@@ -16,7 +16,7 @@ use crate::errors::invalid;
 pub fn method(text: &str) -> PyResult<Method> {
     text.parse().map_err(|_| {
         let choices = Method::choices().iter().map(|choice| format!("'{choice}'")).collect::<Vec<_>>();
-        invalid(format!("method = '{text}': expected one of {}", choices.join(", ")))
+        invalid(format!("method = '{text}': expected {}", choices.join(", ")))
     })
 }
 

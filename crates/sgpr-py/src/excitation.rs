@@ -16,10 +16,11 @@ use sgpr_core::model::{Term, TorqueModel};
 use sgpr_core::progress::{Interrupted, Progress};
 use sgpr_core::robot::Robot as CoreRobot;
 
-use crate::convert::{Numbers, array, choice, per_joint, positive, texts, unknown, whole};
+use crate::convert::{Numbers, array, choice, per_joint, positive, texts, whole};
 use crate::detached::detached;
 use crate::errors::{IntoPyErr, invalid};
 use crate::identification_report::forecast_dict;
+use crate::keywords::Keywords;
 use crate::model::Model;
 use crate::progress::listen;
 use crate::robot::Robot;
@@ -107,10 +108,8 @@ impl Trajectory {
         options: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Self> {
         let robot = robot.get().inner.clone();
-        let mut options = Keywords::new(options)?;
-        let basis = options.basis()?;
-        let limits = options.limits(&robot)?;
-        options.finish()?;
+        let options = Keywords::new(options, &MOTION)?;
+        let (basis, limits) = (basis(&options)?, limits(&options, &robot)?);
         let start = match start {
             Some(start) => per_joint("start", start, &robot)?,
             None => limits.default_start(),
@@ -545,13 +544,12 @@ pub fn excite(
         Some(names) => texts("effects", names)?,
         None => core::usual_effects(),
     };
-    let mut keywords = Keywords::new(options)?;
-    let basis = keywords.basis()?;
+    let keywords = Keywords::new(options, &[&MOTION[..], &SURROUNDINGS].concat())?;
+    let basis = basis(&keywords)?;
     let duration = basis.duration();
     let (set, terms) = split(&robot, &effects, model.map(|model| &*model.get().inner), duration)?;
-    let limits = keywords.limits(&robot)?;
-    let surroundings = keywords.surroundings(&robot)?;
-    keywords.finish()?;
+    let limits = limits(&keywords, &robot)?;
+    let surroundings = surroundings(&keywords, &robot)?;
     let mut options = ExciteOptions::new(basis, limits);
     options.surroundings = surroundings;
     options.criterion = choice("criterion", criterion, &Criterion::ALL.map(|known| (known.name(), known)))?;
@@ -674,10 +672,8 @@ fn peaks_dict<'py>(py: Python<'py>, peaks: &core::Peaks) -> PyResult<Bound<'py, 
     Ok(dict)
 }
 
-/// Keyword arguments of basis and limits, of which each is taken once.
-struct Keywords<'py>(Option<Bound<'py, PyDict>>);
-
-const KEYWORDS: [&str; 17] = [
+/// Keyword arguments of basis and limits ...
+const MOTION: [&str; 10] = [
     "basis",
     "fundamental_hz",
     "terms",
@@ -688,109 +684,84 @@ const KEYWORDS: [&str; 17] = [
     "position_range",
     "max_velocity",
     "max_torque",
-    "floor",
-    "boxes",
-    "self_collision",
-    "clearance",
-    "link_radius",
-    "link_shapes",
-    "max_tip_speed",
 ];
 
-impl<'py> Keywords<'py> {
-    fn new(options: Option<&Bound<'py, PyDict>>) -> PyResult<Self> {
-        Ok(Self(options.map(|options| options.copy()).transpose()?))
-    }
+/// ... and of what is around the arm.
+const SURROUNDINGS: [&str; 7] =
+    ["floor", "boxes", "self_collision", "clearance", "link_radius", "link_shapes", "max_tip_speed"];
 
-    fn take(&mut self, name: &str) -> PyResult<Option<Bound<'py, PyAny>>> {
-        let Some(options) = &self.0 else { return Ok(None) };
-        let Some(value) = options.get_item(name)? else { return Ok(None) };
-        options.del_item(name)?;
-        Ok((!value.is_none()).then_some(value))
-    }
+/// The functions that the motion is made of.
+fn basis(options: &Keywords<'_, '_>) -> PyResult<Basis> {
+    let kind = options.get("basis")?.map_or(Ok("fourier".to_string()), |value| value.extract())?;
+    let kind = choice("basis", &kind, &[("fourier", 0), ("b_spline", 1), ("point_to_point", 2)])?;
+    let fundamental_hz = options.number("fundamental_hz")?.unwrap_or(0.1);
+    let duration = options.number("duration")?.unwrap_or(10.0);
+    let terms = options.get("terms")?.map_or(Ok(4), |value| whole("terms", &value, 2..10_001))?;
+    let points = options.get("points")?.map_or(Ok(12), |value| whole("points", &value, 3..10_001))?;
+    let (first, last): (usize, usize) = match options.get("harmonics")? {
+        Some(pair) => pair.extract().map_err(|_| invalid("harmonics: expected first and last harmonic"))?,
+        None => (1, terms),
+    };
+    Ok(match kind {
+        0 => Basis::Fourier { fundamental_hz, harmonics: first..=last },
+        1 => Basis::BSpline { duration, control_points: points },
+        _ => Basis::PointToPoint { duration, points },
+    })
+}
 
-    fn finish(self) -> PyResult<()> {
-        let Some(left) = self.0.and_then(|options| options.keys().iter().next()) else { return Ok(()) };
-        Err(unknown("options", &left.extract::<String>()?, &KEYWORDS))
-    }
-
-    fn number(&mut self, name: &str, default: f64) -> PyResult<f64> {
-        self.take(name)?.map_or(Ok(default), |value| value.extract())
-    }
-
-    fn basis(&mut self) -> PyResult<Basis> {
-        let kind = self.take("basis")?.map_or(Ok("fourier".to_string()), |value| value.extract())?;
-        let kind = choice("basis", &kind, &[("fourier", 0), ("b_spline", 1), ("point_to_point", 2)])?;
-        let fundamental_hz = self.number("fundamental_hz", 0.1)?;
-        let duration = self.number("duration", 10.0)?;
-        let terms = self.take("terms")?.map_or(Ok(4), |value| whole("terms", &value, 2..10_001))?;
-        let points = self.take("points")?.map_or(Ok(12), |value| whole("points", &value, 3..10_001))?;
-        let (first, last): (usize, usize) = match self.take("harmonics")? {
-            Some(pair) => pair.extract().map_err(|_| invalid("harmonics: expected first and last harmonic"))?,
-            None => (1, terms),
-        };
-        Ok(match kind {
-            0 => Basis::Fourier { fundamental_hz, harmonics: first..=last },
-            1 => Basis::BSpline { duration, control_points: points },
-            _ => Basis::PointToPoint { duration, points },
-        })
-    }
-
-    /// What is around the arm; nothing if no option says so.
-    fn surroundings(&mut self, robot: &CoreRobot) -> PyResult<Option<Surroundings>> {
-        let radius = self.take("link_radius")?;
-        let mut cell = match (self.take("link_shapes")?, radius) {
-            (Some(_), Some(_)) => {
-                return Err(invalid(
-                    "link_shapes, link_radius: the links are shapes of a file or capsules of a radius",
-                ));
-            }
-            (Some(path), None) => {
-                Surroundings::from_urdf(robot, path.extract::<PathBuf>()?).map_err(IntoPyErr::into_py_err)?
-            }
-            (None, radius) => Surroundings::skeleton(robot, radius.map_or(Ok(0.05), |value| value.extract())?),
-        };
-        cell.floor = self.take("floor")?.map(|value| value.extract()).transpose()?;
-        if let Some(boxes) = self.take("boxes")? {
-            let corners: Vec<([f64; 3], [f64; 3])> = boxes
-                .extract()
-                .map_err(|_| invalid("boxes: expected pairs of lowest and highest corner, three numbers each"))?;
-            cell.blocks = corners.into_iter().map(|(low, high)| Block { low, high }).collect();
+/// What is around the arm; nothing if no option says so.
+fn surroundings(options: &Keywords<'_, '_>, robot: &CoreRobot) -> PyResult<Option<Surroundings>> {
+    let radius = options.get("link_radius")?;
+    let mut cell = match (options.get("link_shapes")?, radius) {
+        (Some(_), Some(_)) => {
+            return Err(invalid("link_shapes, link_radius: the links are shapes of a file or capsules of a radius"));
         }
-        cell.self_collision = self.take("self_collision")?.map_or(Ok(false), |value| value.extract())?;
-        cell.clearance = self.number("clearance", 0.0)?;
-        if let Some(limit) = self.take("max_tip_speed")? {
-            let tip = robot.frames().iter().rev().find(|frame| frame.joint == Some(robot.dof() - 1));
-            let tip = tip.ok_or_else(|| invalid("max_tip_speed: the robot has no frame at its last joint"))?;
-            cell.tip_speed = Some((tip.clone(), limit.extract()?));
+        (Some(path), None) => {
+            Surroundings::from_urdf(robot, path.extract::<PathBuf>()?).map_err(IntoPyErr::into_py_err)?
         }
-        let empty = cell.floor.is_none() && cell.blocks.is_empty() && !cell.self_collision && cell.tip_speed.is_none();
-        Ok((!empty).then_some(cell))
+        (None, radius) => Surroundings::skeleton(robot, radius.map_or(Ok(0.05), |value| value.extract())?),
+    };
+    cell.floor = options.get("floor")?.map(|value| value.extract()).transpose()?;
+    if let Some(boxes) = options.get("boxes")? {
+        let corners: Vec<([f64; 3], [f64; 3])> = boxes
+            .extract()
+            .map_err(|_| invalid("boxes: expected pairs of lowest and highest corner, three numbers each"))?;
+        cell.blocks = corners.into_iter().map(|(low, high)| Block { low, high }).collect();
     }
+    cell.self_collision = options.get("self_collision")?.map_or(Ok(false), |value| value.extract())?;
+    cell.clearance = options.number("clearance")?.unwrap_or(0.0);
+    if let Some(limit) = options.get("max_tip_speed")? {
+        let tip = robot.frames().iter().rev().find(|frame| frame.joint == Some(robot.dof() - 1));
+        let tip = tip.ok_or_else(|| invalid("max_tip_speed: the robot has no frame at its last joint"))?;
+        cell.tip_speed = Some((tip.clone(), limit.extract()?));
+    }
+    let empty = cell.floor.is_none() && cell.blocks.is_empty() && !cell.self_collision && cell.tip_speed.is_none();
+    Ok((!empty).then_some(cell))
+}
 
-    fn limits(&mut self, robot: &CoreRobot) -> PyResult<MotionLimits> {
-        let n = robot.dof();
-        let Some(acceleration) = self.take("max_acceleration")? else {
-            return Err(invalid(format!(
-                "max_acceleration: give one number per joint, ({n},); robot files do not know it"
-            )));
-        };
-        let acceleration = per_joint("max_acceleration", &acceleration, robot)?;
-        let mut given: [Option<Vec<f64>>; 2] = [None, None];
-        for (slot, name) in given.iter_mut().zip(["max_velocity", "max_torque"]) {
-            *slot = self.take(name)?.map(|value| per_joint(name, &value, robot)).transpose()?;
-        }
-        let [velocity, torque] = given;
-        let position = match self.take("position_range")? {
-            Some(value) => {
-                let numbers = Numbers::new("position_range", &value)?.shaped(&[n, 2])?.finite()?;
-                Some(numbers.values().chunks_exact(2).map(|pair| [pair[0], pair[1]]).collect::<Vec<_>>())
-            }
-            None => None,
-        };
-        let known = MotionLimits::of_robot_or(robot, &acceleration, position, velocity);
-        let known = known.map_err(IntoPyErr::into_py_err)?;
-        let torque = torque.or_else(|| known.torque.clone());
-        Ok(known.with_torque(torque))
+/// Limits of the motion.
+fn limits(options: &Keywords<'_, '_>, robot: &CoreRobot) -> PyResult<MotionLimits> {
+    let n = robot.dof();
+    let Some(acceleration) = options.get("max_acceleration")? else {
+        return Err(invalid(format!(
+            "max_acceleration: give one number per joint, ({n},); robot files do not know it"
+        )));
+    };
+    let acceleration = per_joint("max_acceleration", &acceleration, robot)?;
+    let mut given: [Option<Vec<f64>>; 2] = [None, None];
+    for (slot, name) in given.iter_mut().zip(["max_velocity", "max_torque"]) {
+        *slot = options.get(name)?.map(|value| per_joint(name, &value, robot)).transpose()?;
     }
+    let [velocity, torque] = given;
+    let position = match options.get("position_range")? {
+        Some(value) => {
+            let numbers = Numbers::new("position_range", &value)?.shaped(&[n, 2])?.finite()?;
+            Some(numbers.values().chunks_exact(2).map(|pair| [pair[0], pair[1]]).collect::<Vec<_>>())
+        }
+        None => None,
+    };
+    let known = MotionLimits::of_robot_or(robot, &acceleration, position, velocity);
+    let known = known.map_err(IntoPyErr::into_py_err)?;
+    let torque = torque.or_else(|| known.torque.clone());
+    Ok(known.with_torque(torque))
 }

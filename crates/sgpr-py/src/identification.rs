@@ -2,9 +2,8 @@
 
 use std::sync::Arc;
 
-use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyString};
+use pyo3::types::PyDict;
 use sgpr_core::effects::{Origin, registry};
 use sgpr_core::identification::Method;
 use sgpr_core::model::{self as core, Controller, IdentifyOptions, Start};
@@ -15,6 +14,7 @@ use sgpr_core::signal::Differentiation;
 use crate::convert::{Numbers, choice, not_negative, not_negative_gains, positive, texts, whole};
 use crate::errors::{IntoPyErr, invalid, warn};
 use crate::estimators::{ConsistencyArguments, method, uncertainty};
+use crate::keywords::{Keywords, number, word};
 use crate::log_set::recordings;
 use crate::model::Model;
 use crate::progress::listen;
@@ -182,13 +182,8 @@ impl Arguments {
             not_negative_gains(key, numbers.values().to_vec())
         };
         let (mut kp, mut kd) = (None, None);
-        for (key, value) in given.into_iter().flatten() {
+        for (key, value) in Keywords::new(given, known)?.all() {
             let key: String = key.extract()?;
-            if !known.contains(&key.as_str()) {
-                let known = known.join(", ");
-                let message = format!("got an unexpected keyword argument '{key}'; options are {known}");
-                return Err(PyTypeError::new_err(message));
-            }
             // None stands for the default, whatever it is, but for the prior, which can be left out.
             if value.is_none() && key != "prior" {
                 continue;
@@ -238,20 +233,6 @@ impl Arguments {
         };
         Ok(Self { options, progress })
     }
-}
-
-fn word(name: &str, value: &Bound<'_, PyAny>) -> PyResult<String> {
-    match value.cast::<PyString>() {
-        Ok(text) => Ok(text.to_string()),
-        Err(_) => Err(invalid(format!("{name} = {}: expected a word", value.repr()?))),
-    }
-}
-
-fn number(name: &str, value: &Bound<'_, PyAny>) -> PyResult<f64> {
-    value.extract().map_err(|_| match value.repr() {
-        Ok(shown) => invalid(format!("{name} = {shown}: expected a number")),
-        Err(error) => error,
-    })
 }
 
 fn torque_band(value: &Bound<'_, PyAny>) -> PyResult<TorqueBand> {

@@ -13,6 +13,7 @@ mod excitation;
 mod gp;
 mod identification;
 mod identification_report;
+mod keywords;
 mod log_residual;
 mod log_set;
 mod model;

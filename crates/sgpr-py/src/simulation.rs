@@ -6,6 +6,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use numpy::{PyArray1, PyArrayDyn};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 use sgpr_core::gp::PredictorOptions;
 use sgpr_core::model::StreamOptions;
 use sgpr_core::robot::Robot as CoreRobot;
@@ -18,6 +19,7 @@ use sgpr_core::simulation::{
 use crate::convert::{Numbers, array, choice, not_negative_gains, per_joint, positive, view};
 use crate::errors::{IntoPyErr, invalid};
 use crate::excitation::Trajectory;
+use crate::keywords::Keywords;
 use crate::model::Model;
 use crate::progress::listen;
 use crate::recording::Recording;
@@ -374,71 +376,26 @@ const VELOCITY_SENSORS: [(&str, VelocitySensor); 2] =
 /// >>> bool(run.tracking_rmse.max() < 1e-6)
 /// True
 #[pyfunction]
-#[pyo3(signature = (robot, reference, *, duration=None, controller=None, kp=None, kd=None, model=None,
-    feed_forward=None, drives=None, integrator="euler", step=2.5e-4, control_period=1e-3, record_period=None, delay=0.0,
-    position_resolution=None, position_noise=None, torque_noise=None, actuation_noise=None, velocity="exact",
-    torque_limits=None, speed_limit=1000.0, pick_up=None, random_state=0, progress=None),
+#[pyo3(signature = (robot, reference, **options),
     text_signature = "(robot, reference, *, duration=None, controller='feed_forward', kp=75.0, kd=5.0, model=None, feed_forward=None, drives=None, integrator='euler', step=2.5e-4, control_period=1e-3, record_period=None, delay=0.0, position_resolution=None, position_noise=None, torque_noise=None, actuation_noise=None, velocity='exact', torque_limits=None, speed_limit=1000.0, pick_up=None, random_state=0, progress=None)")]
-#[expect(clippy::too_many_arguments, reason = "one for each Python keyword")]
 pub fn simulate(
     py: Python<'_>,
     robot: &Bound<'_, PyAny>,
     reference: &Bound<'_, PyAny>,
-    duration: Option<f64>,
-    controller: Option<&Bound<'_, PyAny>>,
-    kp: Option<&Bound<'_, PyAny>>,
-    kd: Option<&Bound<'_, PyAny>>,
-    model: Option<&Bound<'_, PyAny>>,
-    feed_forward: Option<&Bound<'_, PyAny>>,
-    drives: Option<Vec<Bound<'_, Drive>>>,
-    integrator: &str,
-    step: f64,
-    control_period: f64,
-    record_period: Option<f64>,
-    delay: f64,
-    position_resolution: Option<&Bound<'_, PyAny>>,
-    position_noise: Option<&Bound<'_, PyAny>>,
-    torque_noise: Option<&Bound<'_, PyAny>>,
-    actuation_noise: Option<&Bound<'_, PyAny>>,
-    velocity: &str,
-    torque_limits: Option<&Bound<'_, PyAny>>,
-    speed_limit: f64,
-    pick_up: Option<(f64, Bound<'_, PyAny>)>,
-    random_state: u64,
-    progress: Option<Py<PyAny>>,
+    options: Option<&Bound<'_, PyDict>>,
 ) -> PyResult<Simulation> {
-    let integrator = choice("integrator", integrator, &INTEGRATORS)?;
-    let speed_limit = positive("speed_limit", speed_limit)?;
-    let mut simulator = simulator(robot, drives, integrator, step)?.with_speed_limit(speed_limit);
+    let options = Keywords::new(options, &KEYWORDS)?;
+    let mut simulator = simulator(robot, &options)?;
     let arm = simulator.robot().clone();
     let (reference, own_duration) = self::reference(reference, &arm)?;
-    let Some(duration) = duration.or(own_duration) else {
+    let Some(duration) = options.number("duration")?.or(own_duration) else {
         return Err(invalid("duration: give one, a position to hold has none"));
     };
-    let list = |name: &str, value: Option<&Bound<'_, PyAny>>| {
-        value.map(|value| per_joint(name, value, &arm)).transpose().map(Option::unwrap_or_default)
-    };
-    let gains = Gains { kp: gain("kp", kp, 75.0, &arm)?, kd: gain("kd", kd, 5.0, &arm)? };
-    let sensors = Sensors::default()
-        .with_position_resolution(list("position_resolution", position_resolution)?)
-        .with_position_noise(list("position_noise", position_noise)?)
-        .with_torque_noise(list("torque_noise", torque_noise)?)
-        .with_actuation_noise(list("actuation_noise", actuation_noise)?)
-        .with_velocity(choice("velocity", velocity, &VELOCITY_SENSORS)?);
-    let experiment = Experiment::default()
-        .with_control_period(positive("control_period", control_period)?)
-        .with_delay(delay)
-        .with_record_period(positive("record_period", record_period.unwrap_or(control_period))?)
-        .with_sensors(sensors)
-        .with_torque_limits(torque_limits.map(|value| per_joint("torque_limits", value, &arm)).transpose()?)
-        .with_seed(random_state);
-    let known = models(model, &arm, control_period)?;
+    let experiment = experiment(&options, &arm)?;
     let failure = Arc::new(Mutex::new(None));
-    let mut controller = self::controller(controller, known, gains, &failure)?;
-    if let Some(value) = feed_forward {
-        controller = Box::new(Scheduled::new(controller, rows("feed_forward", value, &arm)?));
-    }
-    let pick_up = pick_up.map(|(time, parameters)| self::pick_up(time, &parameters, arm.dof() - 1)).transpose()?;
+    let mut controller = controller(&options, &arm, experiment.control_period, &failure)?;
+    let pick_up = options.get("pick_up")?.map(|value| pick_up(&value, arm.dof() - 1)).transpose()?;
+    let progress = options.get("progress")?.map(Bound::unbind);
     let result = listen(py, progress, |progress| {
         let (controller, reference) = (controller.as_mut(), reference.as_ref());
         match &pick_up {
@@ -452,6 +409,53 @@ pub fn simulate(
         return Err(error);
     }
     Ok(Simulation { inner: result?, robot: arm })
+}
+
+const KEYWORDS: [&str; 22] = [
+    "duration",
+    "controller",
+    "kp",
+    "kd",
+    "model",
+    "feed_forward",
+    "drives",
+    "integrator",
+    "step",
+    "control_period",
+    "record_period",
+    "delay",
+    "position_resolution",
+    "position_noise",
+    "torque_noise",
+    "actuation_noise",
+    "velocity",
+    "torque_limits",
+    "speed_limit",
+    "pick_up",
+    "random_state",
+    "progress",
+];
+
+/// How the arm is run and measured.
+fn experiment(options: &Keywords<'_, '_>, arm: &CoreRobot) -> PyResult<Experiment> {
+    let list = |name: &str| options.get(name)?.map(|value| per_joint(name, &value, arm)).transpose();
+    let velocity = options.word("velocity")?.map(|word| choice("velocity", &word, &VELOCITY_SENSORS)).transpose()?;
+    let sensors = Sensors::default()
+        .with_position_resolution(list("position_resolution")?.unwrap_or_default())
+        .with_position_noise(list("position_noise")?.unwrap_or_default())
+        .with_torque_noise(list("torque_noise")?.unwrap_or_default())
+        .with_actuation_noise(list("actuation_noise")?.unwrap_or_default())
+        .with_velocity(velocity.unwrap_or_default());
+    let control_period = positive("control_period", options.number("control_period")?.unwrap_or(1e-3))?;
+    let record_period = positive("record_period", options.number("record_period")?.unwrap_or(control_period))?;
+    let seed = options.get("random_state")?.map_or(Ok(0), |value| value.extract())?;
+    Ok(Experiment::default()
+        .with_control_period(control_period)
+        .with_delay(options.number("delay")?.unwrap_or(0.0))
+        .with_record_period(record_period)
+        .with_sensors(sensors)
+        .with_torque_limits(list("torque_limits")?)
+        .with_seed(seed))
 }
 
 /// One number for all joints, or one per joint.
@@ -475,20 +479,24 @@ fn rows(name: &str, value: &Bound<'_, PyAny>, arm: &CoreRobot) -> PyResult<Vec<f
 }
 
 /// What the last link picks up.
-fn pick_up(time: f64, parameters: &Bound<'_, PyAny>, link: usize) -> PyResult<PickUp> {
-    let numbers = Numbers::new("pick_up", parameters)?.shaped(&[10])?.finite()?;
+fn pick_up(value: &Bound<'_, PyAny>, link: usize) -> PyResult<PickUp> {
+    let wrong = |_| wrong_type("pick_up", value, "a time and ten inertial parameters");
+    let (time, parameters): (f64, Bound<'_, PyAny>) = value.extract().map_err(wrong)?;
+    let numbers = Numbers::new("pick_up", &parameters)?.shaped(&[10])?.finite()?;
     let parameters = numbers.values().try_into().expect("ten numbers");
     Ok(PickUp::new(time, link, parameters))
 }
 
 /// The arm with what turns it.
-fn simulator(
-    robot: &Bound<'_, PyAny>,
-    drives: Option<Vec<Bound<'_, Drive>>>,
-    integrator: Integrator,
-    step: f64,
-) -> PyResult<Simulator> {
-    let given = drives.map(|drives| drives.iter().map(|drive| drive.get().inner).collect::<Vec<_>>());
+fn simulator(robot: &Bound<'_, PyAny>, options: &Keywords<'_, '_>) -> PyResult<Simulator> {
+    let integrator = options.word("integrator")?.map(|word| choice("integrator", &word, &INTEGRATORS)).transpose()?;
+    let step = options.number("step")?.unwrap_or(2.5e-4);
+    let speed_limit = positive("speed_limit", options.number("speed_limit")?.unwrap_or(1000.0))?;
+    let given: Option<Vec<Bound<'_, Drive>>> = match options.get("drives")? {
+        Some(drives) => Some(drives.extract().map_err(|_| wrong_type("drives", &drives, "a list of Drive"))?),
+        None => None,
+    };
+    let given = given.map(|drives| drives.iter().map(|drive| drive.get().inner).collect::<Vec<_>>());
     let (arm, drives, side) = if let Ok(robot) = robot.cast::<Robot>() {
         let robot = robot.get().inner.clone();
         let drives = given.unwrap_or_else(|| vec![core::Drive::default(); robot.dof()]);
@@ -503,7 +511,8 @@ fn simulator(
     } else {
         return Err(wrong_type("robot", robot, "a Robot or Model"));
     };
-    let simulator = Simulator::new(&arm, &drives, integrator, step).map_err(IntoPyErr::into_py_err)?;
+    let simulator = Simulator::new(&arm, &drives, integrator.unwrap_or(Integrator::SemiImplicitEuler), step);
+    let simulator = simulator.map_err(IntoPyErr::into_py_err)?.with_speed_limit(speed_limit);
     Ok(side.into_iter().fold(simulator, Simulator::with_side_torque))
 }
 
@@ -568,25 +577,34 @@ pub(crate) fn models(
     Ok(all)
 }
 
+/// The law, with the torque that is added to it.
 fn controller(
-    value: Option<&Bound<'_, PyAny>>,
-    model: Vec<Box<dyn InverseDynamics>>,
-    gains: Gains,
+    options: &Keywords<'_, '_>,
+    arm: &CoreRobot,
+    period: f64,
     failure: &Arc<Mutex<Option<PyErr>>>,
 ) -> PyResult<Box<dyn Controller>> {
-    if let Some(callable) = value.filter(|value| value.is_callable()) {
-        return Ok(Box::new(UserController { callable: callable.clone().unbind(), failure: failure.clone() }));
-    }
-    let name = match value {
-        None => "feed_forward".to_string(),
-        Some(value) => value.extract().map_err(|_| wrong_type("controller", value, "a name or a callable"))?,
+    let gain = |name: &str, usual: f64| gain(name, options.get(name)?.as_ref(), usual, arm);
+    let gains = Gains { kp: gain("kp", 75.0)?, kd: gain("kd", 5.0)? };
+    let model = models(options.get("model")?.as_ref(), arm, period)?;
+    let law = options.get("controller")?;
+    let law: Box<dyn Controller> = match law.as_ref().filter(|law| law.is_callable()) {
+        Some(callable) => Box::new(UserController { callable: callable.clone().unbind(), failure: failure.clone() }),
+        None => {
+            let wrong = |law: &Bound<'_, PyAny>| wrong_type("controller", law, "a name or a callable");
+            let name = law.map_or(Ok("feed_forward".into()), |law| law.extract::<String>().map_err(|_| wrong(&law)))?;
+            let known = [("feed_forward", 0), ("computed_torque", 1), ("impedance", 2), ("pd", 3)];
+            match choice("controller", &name, &known)? {
+                0 => Box::new(FeedForward::new(model, gains)),
+                1 => Box::new(ComputedTorque::new(model, gains)),
+                2 => Box::new(JointImpedance::new(model, gains)),
+                _ => Box::new(Pd(gains)),
+            }
+        }
     };
-    let known = [("feed_forward", 0), ("computed_torque", 1), ("impedance", 2), ("pd", 3)];
-    Ok(match choice("controller", &name, &known)? {
-        0 => Box::new(FeedForward::new(model, gains)),
-        1 => Box::new(ComputedTorque::new(model, gains)),
-        2 => Box::new(JointImpedance::new(model, gains)),
-        _ => Box::new(Pd(gains)),
+    Ok(match options.get("feed_forward")? {
+        Some(torque) => Box::new(Scheduled::new(law, rows("feed_forward", &torque, arm)?)),
+        None => law,
     })
 }
 

@@ -49,11 +49,13 @@ def test_a_motion_can_be_sent_to_another_process(basis: str) -> None:
     assert again.joint_names == motion.joint_names
     for ours, theirs in zip(again.samples(50.0), motion.samples(50.0), strict=True):
         assert np.array_equal(ours, theirs)
-    make, (robot, functions, start, coefficients) = motion.__reduce__()
+    make, (robot, parts) = motion.__reduce__()
     with pytest.raises(sgpr.SgprError, match="do not belong together"):
-        make(robot, functions, start, coefficients[:-1])
+        make(robot, {**parts, "coefficients": parts["coefficients"][:-1]})
     with pytest.raises(sgpr.SgprError, match="not a trajectory"):
-        make(robot, functions[:-1], start, coefficients)
+        make(robot, {**parts, "basis": "spline"})
+    with pytest.raises(sgpr.SgprError, match="another number of joints"):
+        make(sgpr.robots.puma560(), parts)
 
 
 def test_criteria_and_families_by_name() -> None:
@@ -118,7 +120,6 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
     "no acceleration": ({}, "max_acceleration: give one number per joint"),
     "short": ({"max_acceleration": [1.0]}, r"got \(1,\), expected \(2,\)"),
     "negative": ({"max_acceleration": [1.0, -1.0]}, "the acceleration limit of joint `joint_2` is -1"),
-    "unknown": ({**LIMITS, "max_jerk": 1}, "there is no `max_jerk`"),
     "criterion": ({**LIMITS, "criterion": "best"}, "expected 'condition'"),
     "basis": ({**LIMITS, "fundamental_hz": -1.0}, "fundamental_hz is -1"),
     "start": ({**LIMITS, "start": [2.0, 0.0]}, "the start position breaks a limit: position of joint `joint_1` is 2"),
@@ -132,6 +133,15 @@ def test_bad_arguments(case: str) -> None:
     options, message = WRONG[case]
     with pytest.raises(sgpr.SgprError, match=message):
         sgpr.excite(ROBOT, **options)
+
+
+def test_options_that_a_motion_does_not_have() -> None:
+    with pytest.raises(TypeError, match="unexpected keyword argument 'max_jerk'; options are basis, fundamental_hz"):
+        sgpr.excite(ROBOT, **LIMITS, max_jerk=1)
+    with pytest.raises(TypeError, match="unexpected keyword argument 'floor'"):
+        sgpr.Trajectory.random(ROBOT, **LIMITS, floor=0.0)
+    with pytest.raises(TypeError, match="unexpected keyword argument 'gain'; options are duration, controller"):
+        sgpr.simulate(ROBOT, [0.0, 0.0], gain=1.0)
 
 
 URDF = """<robot name="arm"><link name="base"/>

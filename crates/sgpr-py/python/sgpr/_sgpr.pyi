@@ -522,6 +522,8 @@ class _MotionOptions(TypedDict, total=False):
     position_range: Sequence[Sequence[float]] | None
     max_velocity: ArrayLike | None
     max_torque: ArrayLike | None
+
+class _ExcitationOptions(_MotionOptions, total=False):
     floor: float | None
     boxes: Sequence[Any] | None
     self_collision: bool
@@ -1282,7 +1284,7 @@ def excite(
     random_state: int = 0,
     n_jobs: int | None = None,
     progress: _Progress | None = None,
-    **options: Unpack[_MotionOptions],
+    **options: Unpack[_ExcitationOptions],
 ) -> Excitation: ...
 
 @final
