@@ -38,6 +38,14 @@ pub enum RecordingError {
         /// What to do.
         advice: &'static str,
     },
+    /// Neither name nor content tell what the file is.
+    #[error("{path}: neither name nor content tell the format; understood are {known}")]
+    UnknownFormat {
+        /// File.
+        path: String,
+        /// What names of logs end with.
+        known: String,
+    },
     /// More data than the caller allows.
     #[error(
         "{path}: more than {limit} bytes of unpacked data; if that is right, raise `limit_bytes` or read a part of the log"

@@ -11,6 +11,7 @@ pub mod csv;
 mod decimal;
 mod derived;
 mod error;
+mod format;
 mod inspect;
 mod layout;
 mod log_set;
@@ -33,6 +34,7 @@ use tempfile::NamedTempFile;
 
 use derived::Derived;
 pub use error::RecordingError;
+pub use format::{Format, read};
 pub use inspect::{GAP_FACTOR, Issue, IssueKind, Severity, inspect, refusals};
 pub use layout::{ColumnLayout, JointLayout, Layout};
 pub use log_set::{LogSet, shared_samples};
@@ -52,6 +54,9 @@ pub mod internal {
     pub use crate::plausible::{Implausible, PERIODS, SMALLEST_TORQUE};
     pub use crate::seconds;
 }
+
+/// All formats of logs that are read here.
+pub static FORMATS: [&Format; 2] = [&csv::FORMAT, &mcap::FORMAT];
 
 /// Largest amount of unpacked data that readers take unless told otherwise.
 const DEFAULT_LIMIT_BYTES: u64 = 4 << 30;

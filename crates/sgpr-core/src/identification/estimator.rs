@@ -122,11 +122,11 @@ pub struct Estimator {
     pub(super) reweights: bool,
     pub(super) has_prior: bool,
     pub(super) counts_memory: bool,
-    pub(super) run: Run,
+    pub(super) run: EstimatorRun,
 }
 
 /// From an estimate by least squares to that of the estimator.
-type Run = fn(EstimatorTask<'_, '_>, Estimate) -> Result<Estimate, IdentificationError>;
+type EstimatorRun = fn(EstimatorTask<'_, '_>, Estimate) -> Result<Estimate, IdentificationError>;
 
 /// The number that an estimator takes.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -179,7 +179,7 @@ pub(super) struct EstimatorTask<'t, 'a> {
 
 impl Estimator {
     /// One that looks at single rows, has no setting, and whose weights are those of the start.
-    pub(super) const fn new(name: &'static str, title: &'static str, run: Run) -> Self {
+    pub(super) const fn new(name: &'static str, title: &'static str, run: EstimatorRun) -> Self {
         let (needs, setting) = (EstimatorNeeds::Rows, None);
         Self { name, title, setting, needs, reweights: false, has_prior: false, counts_memory: false, run }
     }

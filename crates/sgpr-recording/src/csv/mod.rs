@@ -49,7 +49,15 @@ pub use header::quantity_of_array;
 pub use read::read;
 pub use write::write;
 
-use super::{IssueKind, Units};
+/// Tables, also packed by gzip.
+pub static FORMAT: Format = Format {
+    name: "CSV",
+    endings: &[".csv", ".csv.gz", ".txt", ".txt.gz", ".tsv", ".tsv.gz"],
+    beginning: Some(b"\x1f\x8b"),
+    read: |path, joints| read(path, &ReadOptions::default().with_joints(joints)),
+};
+
+use super::{Format, IssueKind, Units};
 
 /// How to read a table.
 ///

@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::rc::Rc;
 
-use super::message::{Content, Format, JointValues, content};
+use super::message::{Content, JointValues, MessageFormat, content};
 use super::scan::{Message, Topic};
 use super::{Clock, McapOptions};
 use crate::RecordingError;
@@ -27,7 +27,7 @@ pub(super) struct Collector<'a> {
 /// The messages of one topic.
 pub(super) struct TopicLog {
     pub(super) topic: Rc<Topic>,
-    format: Format,
+    format: MessageFormat,
     messages: u64,
     /// Whether any message has a stamp.
     stamped: bool,
@@ -110,7 +110,7 @@ impl<'a> Collector<'a> {
             return *known;
         }
         let topic = message.topic;
-        let index = match Format::of(topic) {
+        let index = match MessageFormat::of(topic) {
             Ok(format) => {
                 let known = self.logs.iter().position(|log| log.topic.name == topic.name && log.format == format);
                 known.or_else(|| self.new_log(topic, format))
@@ -124,7 +124,7 @@ impl<'a> Collector<'a> {
         index
     }
 
-    fn new_log(&mut self, topic: &Rc<Topic>, format: Format) -> Option<usize> {
+    fn new_log(&mut self, topic: &Rc<Topic>, format: MessageFormat) -> Option<usize> {
         if self.logs.len() == MOST_KINDS {
             self.skip(topic, "too many topics");
             return None;
@@ -160,7 +160,7 @@ impl<'a> Collector<'a> {
 }
 
 impl TopicLog {
-    fn new(topic: Rc<Topic>, format: Format) -> Self {
+    fn new(topic: Rc<Topic>, format: MessageFormat) -> Self {
         Self {
             topic,
             format,

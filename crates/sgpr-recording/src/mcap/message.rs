@@ -16,7 +16,7 @@ const LONGEST_JSON: usize = 1 << 20;
 
 /// How the messages of a topic are understood.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Format {
+pub(super) enum MessageFormat {
     JointState,
     Float32,
     Float64,
@@ -25,7 +25,7 @@ pub(super) enum Format {
     Json,
 }
 
-impl Format {
+impl MessageFormat {
     /// The format of a topic, or why its messages are not read.
     pub(super) fn of(topic: &Topic) -> Result<Self, String> {
         match topic.encoding.as_str() {
@@ -95,21 +95,23 @@ impl JointValues {
 }
 
 /// Reads a message.
-pub(super) fn content(format: Format, data: &[u8]) -> Result<Content, MessageFault> {
-    if format == Format::Json {
+pub(super) fn content(format: MessageFormat, data: &[u8]) -> Result<Content, MessageFault> {
+    if format == MessageFormat::Json {
         return json(data);
     }
     let mut cdr = Cdr::new(data)?;
     let number = |name: &str, value: f64| Content { numbers: vec![(name.into(), value)], ..Content::default() };
     Ok(match format {
-        Format::Float32 => number("", f64::from(cdr.f32()?)),
-        Format::Float64 => number("", cdr.f64()?),
-        Format::Float64MultiArray => Content { numbers: numbered("", &multi_array(&mut cdr)?), ..Content::default() },
-        Format::Temperature => {
+        MessageFormat::Float32 => number("", f64::from(cdr.f32()?)),
+        MessageFormat::Float64 => number("", cdr.f64()?),
+        MessageFormat::Float64MultiArray => {
+            Content { numbers: numbered("", &multi_array(&mut cdr)?), ..Content::default() }
+        }
+        MessageFormat::Temperature => {
             let stamp = Some(cdr.header()?);
             Content { stamp, ..number("temperature", cdr.f64()?) }
         }
-        Format::JointState | Format::Json => {
+        MessageFormat::JointState | MessageFormat::Json => {
             let stamp = Some(cdr.header()?);
             let names = cdr.texts(MOST_JOINTS)?.into_iter().map(|name| name.into_owned()).collect();
             let (position, velocity, effort) = (cdr.f64s()?, cdr.f64s()?, cdr.f64s()?);
@@ -209,7 +211,7 @@ mod tests {
     use super::*;
 
     fn read(text: &str) -> Content {
-        content(Format::Json, text.as_bytes()).expect("JSON")
+        content(MessageFormat::Json, text.as_bytes()).expect("JSON")
     }
 
     #[test]
@@ -247,7 +249,7 @@ mod tests {
 
     #[test]
     fn faults_are_named() {
-        let fault = |text: &str| content(Format::Json, text.as_bytes()).expect_err("broken");
+        let fault = |text: &str| content(MessageFormat::Json, text.as_bytes()).expect_err("broken");
         assert!(fault("{").starts_with("not JSON"));
         assert_eq!(fault(r#"{"name": ["a"], "position": [1, 2]}"#), "2 positions for 1 joint");
         assert_eq!(fault(r#"{"name": ["a", "a"], "position": [1, 2]}"#), "the joint `a` occurs twice");

@@ -45,7 +45,7 @@ use derive_setters::Setters;
 pub use joint_trajectory::write_joint_trajectory;
 pub use write::write;
 
-use super::{Recording, RecordingError, require_joint_list};
+use super::{Format, Recording, RecordingError, require_joint_list};
 use scan::Damage;
 
 /// How to read an MCAP file.
@@ -80,6 +80,14 @@ impl Default for McapOptions {
         }
     }
 }
+
+/// MCAP files.
+pub static FORMAT: Format = Format {
+    name: "MCAP",
+    endings: &[".mcap"],
+    beginning: Some(b"\x89MCAP"),
+    read: |path, joints| read(path, &McapOptions::default().with_joints(joints)),
+};
 
 /// The time of a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

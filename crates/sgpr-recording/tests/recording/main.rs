@@ -3,6 +3,7 @@
 mod columns;
 mod csv_files;
 mod damaged_mcap;
+mod formats;
 mod inspection;
 mod mcap_files;
 mod real_logs;
