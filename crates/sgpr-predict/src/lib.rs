@@ -23,6 +23,9 @@
 #[macro_use]
 extern crate alloc;
 
+#[macro_use]
+mod setters;
+
 #[cfg(feature = "complete-files")]
 mod atomic_file;
 pub mod control;

@@ -64,7 +64,7 @@ pub enum Resample {
 /// use sgpr_recording::{Recording, Repair, Resample, repair};
 /// # let time = vec![0, 2_000_000, 1_000_000, 3_000_000];
 /// # let recording = Recording::new("log", vec!["a".into()], time, vec![0.0, 2.0, 1.0, 3.0], None, None, vec![])?;
-/// let request = Repair { sort: true, resample: Some(Resample::Hz(500.0)), ..Repair::default() };
+/// let request = Repair::default().with_sort(true).with_resample(Some(Resample::Hz(500.0)));
 /// let (parts, actions) = repair(&recording, &request)?;
 /// assert_eq!(parts[0].position(), [0.0, 2.0]);
 /// assert_eq!(actions.len(), 2);

@@ -173,7 +173,7 @@ impl SimulationRecord {
 /// use sgpr_core::{robot::two_link, simulation::*};
 /// let robot = two_link();
 /// let mut arm = Simulator::new(&robot, &two_link_drives(), Integrator::default(), 2.5e-4)?;
-/// let mut controller = FeedForward { model: RigidBody::new(&robot), gains: Gains::uniform(2, 75.0, 5.0) };
+/// let mut controller = FeedForward::new(RigidBody::new(&robot), Gains::uniform(2, 75.0, 5.0));
 /// let reference = StandStill(vec![0.3, -0.2]);
 /// let record = simulate(&mut arm, &mut controller, &reference, 0.5, &Experiment::default(), &())?;
 /// assert!(record.len() == 500 && record.tracking_rmse()[0] < 1e-6);

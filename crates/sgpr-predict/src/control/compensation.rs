@@ -1,15 +1,12 @@
 use alloc::string::String;
 use alloc::vec::Vec;
 
-use derive_setters::Setters;
-
 use crate::model::StreamedModel;
 use crate::simd::Number;
 use crate::stream::{Plain, Predictor, Purpose, StreamError, StreamOptions};
 
 /// How gravity and friction are compensated.
-#[derive(Clone, Debug, PartialEq, Setters)]
-#[setters(prefix = "with_")]
+#[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct CompensationOptions {
     /// Share of the friction that is compensated, from 0 to 1: friction that is taken for larger than it is drives the arm.
@@ -20,6 +17,15 @@ pub struct CompensationOptions {
     pub limits: Vec<f64>,
     /// Rate of the calls, and effects to keep. The purpose is always that of a feed-forward.
     pub stream: StreamOptions,
+}
+
+impl CompensationOptions {
+    setters! {
+        with_friction(friction: f64),
+        with_transition_speed(transition_speed: f64),
+        with_limits(limits: Vec<f64>),
+        with_stream(stream: StreamOptions),
+    }
 }
 
 impl Default for CompensationOptions {

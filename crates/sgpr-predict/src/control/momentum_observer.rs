@@ -1,8 +1,6 @@
 use alloc::vec::Vec;
 use core::f64::consts::TAU;
 
-use derive_setters::Setters;
-
 use super::JointError;
 use super::joint_error::{ContactFree, RestShare};
 use crate::dynamics::Momentum;
@@ -14,8 +12,7 @@ use crate::simd::Real;
 use crate::stream::{Plain, Predictor, StreamError, StreamOptions};
 
 /// How torque from outside is observed.
-#[derive(Clone, Debug, PartialEq, Setters)]
-#[setters(prefix = "with_")]
+#[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct ObserverOptions {
     /// Rate of the calls, Hz.
@@ -27,6 +24,15 @@ pub struct ObserverOptions {
     /// Standard deviation of the model's torque per joint, `[n]`, N·m (N), where it is known better than from the fit, as
     /// from a log without contact; empty for that of the fit.
     pub deviation: Vec<f64>,
+}
+
+impl ObserverOptions {
+    setters! {
+        with_rate_hz(rate_hz: f64),
+        with_bandwidth_hz(bandwidth_hz: f64),
+        with_false_alarms_per_hour(false_alarms_per_hour: f64),
+        with_deviation(deviation: Vec<f64>),
+    }
 }
 
 impl Default for ObserverOptions {

@@ -1,10 +1,7 @@
 use core::fmt;
 
-use derive_setters::Setters;
-
 /// What a person should know of an effect.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Setters)]
-#[setters(prefix = "with_")]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct About<'a> {
     /// How it enters the fit.
@@ -29,6 +26,22 @@ pub struct About<'a> {
     pub origin_reason: &'a str,
     /// Whether the whole of it depends on the time of the session.
     pub depends_on_time: bool,
+}
+
+impl<'a> About<'a> {
+    setters! {
+        with_class(class: Class),
+        with_formula(formula: &'a str),
+        with_source(source: &'a str),
+        with_signature(signature: &'a str),
+        with_confusable(confusable: &'a [&'a str]),
+        with_experiment(experiment: &'a str),
+        with_excitation(excitation: &'a str),
+        with_alias_of(alias_of: Option<&'a str>),
+        with_origin(origin: Origin),
+        with_origin_reason(origin_reason: &'a str),
+        with_depends_on_time(depends_on_time: bool),
+    }
 }
 
 /// What an effect is a property of: the arm, the measurement, or the hours of the logs.

@@ -1,7 +1,5 @@
 use alloc::string::{String, ToString};
 
-use derive_setters::Setters;
-
 use super::Channel;
 use super::JointState;
 #[cfg(feature = "simd")]
@@ -14,8 +12,7 @@ use crate::simd::Number;
 /// A stretch of a trajectory and what a model says of it: everything that an effect may depend on.
 ///
 /// Arrays are `[samples, n]`, row-major, SI.
-#[derive(Clone, Copy, Debug, Setters)]
-#[setters(prefix = "with_")]
+#[derive(Clone, Copy, Debug)]
 #[non_exhaustive]
 pub struct Context<'a> {
     /// The robot with the inertias of the model.
@@ -36,6 +33,20 @@ pub struct Context<'a> {
     pub torque: &'a [f64],
     /// What else was logged.
     pub channels: &'a [Channel],
+}
+
+impl<'a> Context<'a> {
+    setters! {
+        with_robot(robot: &'a Robot),
+        with_rate_hz(rate_hz: f64),
+        with_time(time: &'a [f64]),
+        with_q(q: &'a [f64]),
+        with_dq(dq: &'a [f64]),
+        with_ddq(ddq: &'a [f64]),
+        with_rigid_torque(rigid_torque: &'a [f64]),
+        with_torque(torque: &'a [f64]),
+        with_channels(channels: &'a [Channel]),
+    }
 }
 
 impl<'a> Context<'a> {

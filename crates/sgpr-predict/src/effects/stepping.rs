@@ -4,8 +4,6 @@
 use alloc::string::String;
 use alloc::vec::Vec;
 
-use derive_setters::Setters;
-
 use super::{Context, Effect, JointState, Reach, Site};
 use crate::dynamics::{NumberWorkspace, Workspace, forward_kinematics, regressor, rnea};
 #[cfg(feature = "expressions")]
@@ -19,8 +17,7 @@ use crate::spatial::Pose;
 /// One sample of a motion and what a model says of it: everything that a stepped effect may depend on.
 ///
 /// Arrays are `[n]`, SI.
-#[derive(Clone, Copy, Debug, Setters)]
-#[setters(prefix = "with_")]
+#[derive(Clone, Copy, Debug)]
 #[non_exhaustive]
 pub struct SampleInput<'a, S: Stepped = f64> {
     /// The robot with the inertias of the model.
@@ -41,6 +38,20 @@ pub struct SampleInput<'a, S: Stepped = f64> {
     pub torque: &'a [S],
     /// Temperature of each joint, °C; NaN where it is not known.
     pub temperature_celsius: &'a [S],
+}
+
+impl<'a, S: Stepped> SampleInput<'a, S> {
+    setters! {
+        with_robot(robot: &'a Robot),
+        with_rate_hz(rate_hz: f64),
+        with_time(time: S::Time),
+        with_q(q: &'a [S]),
+        with_dq(dq: &'a [S]),
+        with_ddq(ddq: &'a [S]),
+        with_rigid_torque(rigid_torque: &'a [S]),
+        with_torque(torque: &'a [S]),
+        with_temperature_celsius(temperature_celsius: &'a [S]),
+    }
 }
 
 impl<'a, S: Stepped> SampleInput<'a, S> {
@@ -73,8 +84,7 @@ pub struct LinkSample<'a, S = f64> {
 }
 
 /// What an effect depends on beside the motion.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Setters)]
-#[setters(prefix = "with_")]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Needs {
     /// The time of the session.
@@ -85,6 +95,15 @@ pub struct Needs {
     pub temperature: bool,
     /// Channels of the log by name.
     pub channels: Vec<String>,
+}
+
+impl Needs {
+    setters! {
+        with_time(time: bool),
+        with_rate(rate: bool),
+        with_temperature(temperature: bool),
+        with_channels(channels: Vec<String>),
+    }
 }
 
 /// A number that effects are advanced over: of a sample, or an expression from which code is made.

@@ -2,7 +2,6 @@ use alloc::string::String;
 use alloc::sync::Arc;
 use alloc::vec::Vec;
 
-use derive_setters::Setters;
 use serde::{Deserialize, Serialize};
 
 use crate::effects::parts::SMALLEST_TORQUE;
@@ -20,8 +19,7 @@ pub const LARGEST_POSITION: f64 = 1e9;
 pub const LARGEST_TORQUE: f64 = 1e15;
 
 /// An effect at one site of a robot, with its constants and parameters.
-#[derive(Clone, Debug, Setters)]
-#[setters(prefix = "with_")]
+#[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct Term {
     /// The effect.
@@ -36,6 +34,17 @@ pub struct Term {
     pub constant_deviations: Vec<f64>,
     /// Standard deviations of the linear parameters.
     pub coefficient_deviations: Vec<f64>,
+}
+
+impl Term {
+    setters! {
+        with_effect(effect: Arc<dyn Effect>),
+        with_site(site: Site),
+        with_constants(constants: Vec<f64>),
+        with_coefficients(coefficients: Vec<f64>),
+        with_constant_deviations(constant_deviations: Vec<f64>),
+        with_coefficient_deviations(coefficient_deviations: Vec<f64>),
+    }
 }
 
 /// Those of the constants of an effect that are times of the session, s.

@@ -2,8 +2,6 @@
 
 use alloc::vec::Vec;
 
-use derive_setters::Setters;
-
 use super::OnlineError;
 use super::error::{require, require_positive};
 use crate::gp::Kernel;
@@ -11,8 +9,7 @@ use crate::gp::Kernel;
 use crate::math::Float;
 
 /// How many points a process keeps, and which.
-#[derive(Clone, Copy, Debug, PartialEq, Setters)]
-#[setters(prefix = "with_")]
+#[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Budget {
     /// Most points.
@@ -26,6 +23,15 @@ pub struct Budget {
     pub refresh: u64,
     /// Measurements after which a point is forgotten.
     pub memory: u64,
+}
+
+impl Budget {
+    setters! {
+        with_points(points: usize),
+        with_novelty(novelty: f64),
+        with_refresh(refresh: u64),
+        with_memory(memory: u64),
+    }
 }
 
 impl Default for Budget {
@@ -52,7 +58,7 @@ impl Default for Budget {
 /// use sgpr_predict::gp::{Kernel, Shape};
 /// use sgpr_predict::online::{Budget, OnlineGaussianProcess};
 /// let kernel = Kernel::isotropic(Shape::SquaredExponential, 1, 0.5);
-/// let mut gp = OnlineGaussianProcess::new(kernel, 1, 1, 1e-4, Budget { points: 20, novelty: 1e-3, ..Budget::default() })?;
+/// let mut gp = OnlineGaussianProcess::new(kernel, 1, 1, 1e-4, Budget::default().with_points(20).with_novelty(1e-3))?;
 /// for k in 0..200 {
 ///     let x = 0.05 * f64::from(k % 60);
 ///     gp.add(&[x], &[x.sin()])?;

@@ -3,8 +3,6 @@
 use alloc::boxed::Box;
 use alloc::vec::Vec;
 
-use derive_setters::Setters;
-
 use super::error::{require, require_positive};
 use super::{Budget, MotionFilter, OnlineError, OnlineGaussianProcess, PayloadOptions, PayloadTracker};
 use crate::control::InverseDynamics;
@@ -16,8 +14,7 @@ use crate::robot::Robot;
 use crate::stream::{Purpose, StreamOptions};
 
 /// What an [`OnlineModel`] follows, and how fast.
-#[derive(Clone, Debug, PartialEq, Setters)]
-#[setters(prefix = "with_")]
+#[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct OnlineOptions {
     /// Time between updates, s.
@@ -32,6 +29,17 @@ pub struct OnlineOptions {
     pub process: Option<Budget>,
     /// Variance of the noise that the process expects, of that of what it learns.
     pub process_noise: f64,
+}
+
+impl OnlineOptions {
+    setters! {
+        with_period(period: f64),
+        with_cutoff_hz(cutoff_hz: f64),
+        with_standstill_speed(standstill_speed: f64),
+        with_payload(payload: Option<PayloadOptions>),
+        with_process(process: Option<Budget>),
+        with_process_noise(process_noise: f64),
+    }
 }
 
 impl Default for OnlineOptions {

@@ -2,8 +2,6 @@
 
 use alloc::vec::Vec;
 
-use derive_setters::Setters;
-
 use super::OnlineError;
 use super::error::require_positive;
 use crate::dynamics::{Workspace, regressor};
@@ -21,8 +19,7 @@ const EXPECTED: f64 = 16.0;
 const FASTEST: f64 = 10.0;
 
 /// How a payload is tracked.
-#[derive(Clone, Debug, PartialEq, Setters)]
-#[setters(prefix = "with_")]
+#[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct PayloadOptions {
     /// Link that holds it; the last one if `None`.
@@ -35,6 +32,16 @@ pub struct PayloadOptions {
     pub memory: f64,
     /// Standard deviation of what the arm's model leaves over without a payload, `[n]`, N·m (N).
     pub noise: Vec<f64>,
+}
+
+impl PayloadOptions {
+    setters! {
+        with_link(link: Option<usize>),
+        with_mass(mass: f64),
+        with_radius(radius: f64),
+        with_memory(memory: f64),
+        with_noise(noise: Vec<f64>),
+    }
 }
 
 impl PayloadOptions {

@@ -3,8 +3,6 @@
 use alloc::string::String;
 use alloc::vec::Vec;
 
-use derive_setters::Setters;
-
 use super::{Frame, Joint, JointKind, Limits, Robot, RobotError};
 use crate::spatial::{LinkInertia, Matrix3, Pose, Vector3};
 
@@ -23,8 +21,7 @@ pub enum DhConvention {
 ///
 /// Mass, centre of mass and inertia are given in the DH frame of the row, the inertia about the centre of mass, as
 /// published tables do.
-#[derive(Clone, Debug, PartialEq, Setters)]
-#[setters(prefix = "with_")]
+#[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct DhRow {
     /// Link length, m.
@@ -45,6 +42,20 @@ pub struct DhRow {
     pub inertia: [[f64; 3]; 3],
     /// Limits.
     pub limits: Limits,
+}
+
+impl DhRow {
+    setters! {
+        with_a(a: f64),
+        with_alpha(alpha: f64),
+        with_d(d: f64),
+        with_theta(theta: f64),
+        with_prismatic(prismatic: bool),
+        with_mass(mass: f64),
+        with_centre_of_mass(centre_of_mass: [f64; 3]),
+        with_inertia(inertia: [[f64; 3]; 3]),
+        with_limits(limits: Limits),
+    }
 }
 
 impl DhRow {

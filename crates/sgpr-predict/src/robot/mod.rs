@@ -19,7 +19,6 @@ mod write;
 
 use alloc::string::String;
 use alloc::vec::Vec;
-use derive_setters::Setters;
 use serde::{Deserialize, Serialize};
 
 #[doc(hidden)]
@@ -77,8 +76,7 @@ impl JointKind {
 }
 
 /// What a joint may do; `None` where the robot file is silent.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, Setters)]
-#[setters(prefix = "with_")]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct Limits {
     /// Lowest and highest position, rad (m).
@@ -87,6 +85,14 @@ pub struct Limits {
     pub velocity: Option<f64>,
     /// Highest torque, N·m (N).
     pub effort: Option<f64>,
+}
+
+impl Limits {
+    setters! {
+        with_position(position: Option<[f64; 2]>),
+        with_velocity(velocity: Option<f64>),
+        with_effort(effort: Option<f64>),
+    }
 }
 
 impl Limits {
@@ -103,8 +109,7 @@ impl Limits {
 }
 
 /// A movable joint and the place of its link.
-#[derive(Clone, Debug, PartialEq, Setters)]
-#[setters(prefix = "with_")]
+#[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Joint {
     /// Name, unique in the robot.
@@ -123,6 +128,19 @@ pub struct Joint {
     pub damping: f64,
     /// Coulomb friction of the robot file, N·m; not part of the rigid-body dynamics.
     pub friction: f64,
+}
+
+impl Joint {
+    setters! {
+        with_name(name: String),
+        with_kind(kind: JointKind),
+        with_parent(parent: Option<usize>),
+        with_placement(placement: Pose),
+        with_axis(axis: Vector3<f64>),
+        with_limits(limits: Limits),
+        with_damping(damping: f64),
+        with_friction(friction: f64),
+    }
 }
 
 impl Joint {

@@ -3,8 +3,6 @@
 use std::collections::{HashMap, HashSet};
 use std::path::Path;
 
-use derive_setters::Setters;
-
 use urdf_rs::JointType;
 
 use super::urdf_fault::{first_fault, line_at};
@@ -21,8 +19,7 @@ const DEEPEST_ELEMENT: usize = 100;
 const MOST_ATTRIBUTES: usize = 100;
 
 /// What to make of a URDF.
-#[derive(Clone, Debug, Setters)]
-#[setters(prefix = "with_")]
+#[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct UrdfOptions {
     /// Joints that move, base to tip; all movable ones that are not in `locked` if `None`. The others are locked.
@@ -31,6 +28,14 @@ pub struct UrdfOptions {
     pub locked: HashMap<String, f64>,
     /// Gravity in base axes, m/s².
     pub gravity: Vector3<f64>,
+}
+
+impl UrdfOptions {
+    setters! {
+        with_joints(joints: Option<Vec<String>>),
+        with_locked(locked: HashMap<String, f64>),
+        with_gravity(gravity: Vector3<f64>),
+    }
 }
 
 impl Default for UrdfOptions {

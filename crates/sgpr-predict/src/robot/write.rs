@@ -6,8 +6,6 @@ use std::io::Write as _;
 use std::ops::Range;
 use std::path::Path;
 
-use derive_setters::Setters;
-
 use quick_xml::Reader;
 use quick_xml::events::{BytesStart, Event};
 
@@ -16,8 +14,7 @@ use super::{JointKind, Robot, RobotError};
 use crate::spatial::{LinkInertia, Matrix3};
 
 /// What a joint needs beside its link, for [`Robot::to_mjcf`]; zero for nothing.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Setters)]
-#[setters(prefix = "with_")]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct JointDynamics {
     /// Rotor inertia at the joint, kg·m² (kg).
@@ -26,6 +23,14 @@ pub struct JointDynamics {
     pub viscous_friction: f64,
     /// Coulomb friction, N·m (N).
     pub coulomb_friction: f64,
+}
+
+impl JointDynamics {
+    setters! {
+        with_rotor_inertia(rotor_inertia: f64),
+        with_viscous_friction(viscous_friction: f64),
+        with_coulomb_friction(coulomb_friction: f64),
+    }
 }
 
 impl Robot {

@@ -3,8 +3,6 @@ use alloc::vec::Vec;
 use core::fmt;
 use core::str::FromStr;
 
-use derive_setters::Setters;
-
 use crate::effects::{Effect, Origin, Scale};
 use crate::model::{StreamedModel, Term};
 
@@ -52,8 +50,7 @@ impl FromStr for Purpose {
 }
 
 /// How a model is streamed.
-#[derive(Clone, Debug, Default, PartialEq, Setters)]
-#[setters(prefix = "with_")]
+#[derive(Clone, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct StreamOptions {
     /// Rate of the calls, Hz; none is enough where no effect needs time or the time between samples.
@@ -62,6 +59,14 @@ pub struct StreamOptions {
     pub purpose: Purpose,
     /// Names of effects that a feed-forward torque holds whatever they are a property of.
     pub keep: Vec<String>,
+}
+
+impl StreamOptions {
+    setters! {
+        with_rate_hz(rate_hz: Option<f64>),
+        with_purpose(purpose: Purpose),
+        with_keep(keep: Vec<String>),
+    }
 }
 
 impl StreamOptions {

@@ -3,8 +3,6 @@
 use alloc::string::String;
 use alloc::vec::Vec;
 
-use derive_setters::Setters;
-
 use super::{Plain, StreamError};
 use crate::dynamics::{Workspace, regressor};
 use crate::effects::JointState;
@@ -30,14 +28,20 @@ pub(super) struct PhysicsAtSample<'a> {
 }
 
 /// How the processes of a learned model are asked.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Setters)]
-#[setters(prefix = "with_")]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct RestOptions {
     /// Arithmetic.
     pub precision: Precision,
     /// Whether [`torque_and_deviation`](super::Predictor::torque_and_deviation) is called: needs a square of the points in memory, and as much time.
     pub deviation: bool,
+}
+
+impl RestOptions {
+    setters! {
+        with_precision(precision: Precision),
+        with_deviation(deviation: bool),
+    }
 }
 
 /// The processes of the joints.
