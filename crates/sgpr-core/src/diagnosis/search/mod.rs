@@ -278,21 +278,32 @@ impl<'a> Search<'a> {
             }
             self.progress.step(STAGE, fitted.terms().len().min(MOST_TERMS), MOST_TERMS)?;
         }
-        fitted = self.with_likelier_transforms(fitted, &mut accepted);
-        fitted = self.with_plainer_forms(fitted, &mut accepted);
-        fitted = self.with_finer_instead(fitted, &mut accepted);
-        // What is at a closed joint has no rows here that it could explain.
-        let is_closed = |step: &Accepted| step.site.joint().is_some_and(|joint| closed[joint]);
-        (fitted, accepted) = self.backward(fitted, accepted, &|step| !is_closed(step))?;
-        if closed.contains(&true) {
-            let on_all_rows = self.on_rows_without(&vec![false; closed.len()], &fitted);
-            fitted = self.with_noise_anew(&on_all_rows, &self.all_joints())?;
-            (fitted, accepted) = self.backward(fitted, accepted, &is_closed)?;
-        }
+        (fitted, accepted) = self.settle(fitted, accepted, &closed)?;
         let start = solve(&self.problem, &start.model, start.terms(), &self.noise);
         self.progress.step(STAGE, MOST_TERMS, MOST_TERMS)?;
         let [held_out_before, held_out] = [&start, &fitted].map(|fit| self.held_out(fit));
         Ok(Outcome { start, fitted, accepted, ranking: ranking.unwrap_or_default(), held_out_before, held_out })
+    }
+
+    /// What the steps forward found, in likelier, plainer or finer forms, without what is not needed.
+    fn settle(
+        &mut self,
+        found: Fitted,
+        mut accepted: Vec<Accepted>,
+        closed: &[bool],
+    ) -> Result<(Fitted, Vec<Accepted>), Interrupted> {
+        let fitted = self.with_likelier_transforms(found, &mut accepted);
+        let fitted = self.with_plainer_forms(fitted, &mut accepted);
+        let fitted = self.with_finer_instead(fitted, &mut accepted);
+        // What is at a closed joint has no rows here that it could explain.
+        let is_closed = |step: &Accepted| step.site.joint().is_some_and(|joint| closed[joint]);
+        let (fitted, accepted) = self.backward(fitted, accepted, &|step| !is_closed(step))?;
+        if !closed.contains(&true) {
+            return Ok((fitted, accepted));
+        }
+        let on_all_rows = self.on_rows_without(&vec![false; closed.len()], &fitted);
+        let fitted = self.with_noise_anew(&on_all_rows, &self.all_joints())?;
+        self.backward(fitted, accepted, &is_closed)
     }
 
     /// The joint of the last accepted term and the terms there, if there are many and they only imitate a smooth function

@@ -135,17 +135,7 @@ pub fn compare_sessions(
         Ok(Ready { session: session_of[*origin], log: log.clone(), experiment })
     };
     let ready: Vec<Ready> = logs.logs().iter().zip(logs.origins()).map(ready).collect::<Result<_, RecordError>>()?;
-    for (session, (name, _)) in sessions.iter().enumerate() {
-        let own = ready.iter().filter(|one| one.session == session);
-        let parts: usize = own.map(|one| one.moving_parts(robot.dof())).sum();
-        if parts < FEWEST_PARTS {
-            let message = format!(
-                "session `{name}` has {parts} parts of {PART_SECONDS} s in motion that no other session has, \
-                 {FEWEST_PARTS} are the fewest"
-            );
-            return Err(RecordError::Sessions { message });
-        }
-    }
+    require_motion(robot.dof(), sessions, &ready)?;
     let set = ParameterSet::new(robot, &recorded_effects(robot, effects)?).map_err(IdentifyError::from)?;
     let shapes = Shapes::new(robot, &ready);
     let flexible = set.clone().with_trajectory_columns(shapes.parameters());
@@ -184,6 +174,22 @@ pub fn compare_sessions(
         tests,
         notes: logs.notes().to_vec(),
     })
+}
+
+/// Refuses a session of too few parts to say how much it scatters.
+fn require_motion(dof: usize, sessions: &[(String, Vec<Recording>)], ready: &[Ready]) -> Result<(), RecordError> {
+    for (session, (name, _)) in sessions.iter().enumerate() {
+        let own = ready.iter().filter(|one| one.session == session);
+        let parts: usize = own.map(|one| one.moving_parts(dof)).sum();
+        if parts < FEWEST_PARTS {
+            let message = format!(
+                "session `{name}` has {parts} parts of {PART_SECONDS} s in motion that no other session has, \
+                 {FEWEST_PARTS} are the fewest"
+            );
+            return Err(RecordError::Sessions { message });
+        }
+    }
+    Ok(())
 }
 
 /// A log that is ready.
