@@ -4,7 +4,8 @@
 use divan::{Bencher, black_box};
 use sgpr_benches::{Fixture, ROBOTS, State};
 use sgpr_core::dynamics::{
-    BatchWorkspace, Samples, Workspace, forward_dynamics, mass_matrix, regressor, regressor_batch, rnea, rnea_batch,
+    BatchWorkspace, Samples, Workspace, forward_dynamics, mass_matrix, regressor, regressor_batch,
+    rnea, rnea_batch,
 };
 use sgpr_core::robot::Robot;
 
@@ -14,11 +15,16 @@ fn main() {
 
 /// States of one measurement of single calls; its time is divided by this number.
 const STATES: usize = 256;
-/// Samples of a batch, few enough that the results stay in the second-level cache, as they do when a log is identified.
+/// Samples of a batch, few enough that the results stay in the second-level cache, as they do when
+/// a log is identified.
 const BATCH: usize = 128;
 
 /// Time of `call` for every state in turn.
-fn bench_states(bencher: Bencher, robot: &str, call: impl Fn(&Robot, &mut Workspace, State<'_>) -> f64) {
+fn bench_states(
+    bencher: Bencher,
+    robot: &str,
+    call: impl Fn(&Robot, &mut Workspace, State<'_>) -> f64,
+) {
     let fixture = Fixture::new(robot, STATES);
     let mut ws = Workspace::new(&fixture.robot);
     bencher.counter(divan::counter::ItemsCount::new(STATES)).bench_local(|| {
@@ -35,7 +41,9 @@ fn rnea_single(bencher: Bencher, robot: &str) {
 
 #[divan::bench(args = ROBOTS)]
 fn aba_single(bencher: Bencher, robot: &str) {
-    bench_states(bencher, robot, |robot, ws, (q, dq, _, tau)| forward_dynamics(robot, ws, q, dq, tau)[0]);
+    bench_states(bencher, robot, |robot, ws, (q, dq, _, tau)| {
+        forward_dynamics(robot, ws, q, dq, tau)[0]
+    });
 }
 
 #[divan::bench(args = ROBOTS)]

@@ -31,14 +31,17 @@ impl Fixture {
     /// # Panics
     /// If there is no such robot.
     pub fn new(name: &str, samples: usize) -> Self {
-        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../data/reference/urdf/{name}.urdf"));
+        let path = Path::new(env!("CARGO_MANIFEST_DIR"))
+            .join(format!("../data/reference/urdf/{name}.urdf"));
         Self::of(Robot::from_urdf(path, &UrdfOptions::default()).expect("a bundled robot"), samples)
     }
 
     /// `samples` random states of a robot.
     pub fn of(robot: Robot, samples: usize) -> Self {
         let mut random = Uniform(2018);
-        let mut states = |scale: f64| (0..samples * robot.dof()).map(|_| scale * random.next()).collect::<Vec<_>>();
+        let mut states = |scale: f64| {
+            (0..samples * robot.dof()).map(|_| scale * random.next()).collect::<Vec<_>>()
+        };
         let (q, dq, ddq, tau) = (states(3.0), states(2.0), states(5.0), states(20.0));
         Self { robot, q, dq, ddq, tau }
     }
@@ -46,7 +49,8 @@ impl Fixture {
     /// All states in turn.
     pub fn states(&self) -> impl Iterator<Item = State<'_>> {
         let n = self.robot.dof();
-        let motion = self.q.chunks_exact(n).zip(self.dq.chunks_exact(n)).zip(self.ddq.chunks_exact(n));
+        let motion =
+            self.q.chunks_exact(n).zip(self.dq.chunks_exact(n)).zip(self.ddq.chunks_exact(n));
         motion.zip(self.tau.chunks_exact(n)).map(|(((q, dq), ddq), tau)| (q, dq, ddq, tau))
     }
 }
@@ -108,7 +112,11 @@ pub fn model(fixture: &Fixture) -> TorqueModel {
 /// Never: they are effects of the library.
 pub fn findings() -> Vec<Term> {
     let term = |name: &str, joint: usize, constants: &[f64]| {
-        let mut term = Term::new(by_name(name).expect("of the library"), Site::Joint(joint), constants.to_vec());
+        let mut term = Term::new(
+            by_name(name).expect("of the library"),
+            Site::Joint(joint),
+            constants.to_vec(),
+        );
         term.coefficients.fill(0.3);
         term
     };

@@ -1,4 +1,5 @@
-//! Time per update of a model that learns while the arm runs, PUMA 560: payload and process, and the torque after it.
+//! Time per update of a model that learns while the arm runs, PUMA 560: payload and process, and
+//! the torque after it.
 #![allow(missing_docs)]
 
 use divan::{Bencher, black_box};
@@ -17,9 +18,11 @@ fn bench(bencher: Bencher, payload: bool, points: Option<usize>) {
     let robot = puma560();
     let options = OnlineOptions::default()
         .with_payload(payload.then(|| PayloadOptions::new(vec![1.0; 6])))
-        // Every sample is new, so that the budget is used and the oldest point goes: the dearest update.
+        // Every sample is new, so that the budget is used and the oldest point goes: the dearest
+        // update.
         .with_process(points.map(|points| Budget::default().with_points(points).with_novelty(0.0)));
-    let mut model = OnlineModel::new(&robot, Box::new(RigidBody::new(&robot)), &options).expect("valid");
+    let mut model =
+        OnlineModel::new(&robot, Box::new(RigidBody::new(&robot)), &options).expect("valid");
     let (mut q, mut dq, mut ddq, mut tau) = ([0.0; 6], [0.0; 6], [0.0; 6], [0.0; 6]);
     let mut sample = 0;
     bencher.counter(divan::counter::ItemsCount::new(SAMPLES)).bench_local(|| {

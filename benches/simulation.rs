@@ -1,12 +1,13 @@
-//! Time per simulation step: PUMA 560 with all its friction, control at 1 kHz, steps at 4 kHz; the peer is
-//! `peers/mujoco_step.c`.
+//! Time per simulation step: PUMA 560 with all its friction, control at 1 kHz, steps at 4 kHz; the
+//! peer is `peers/mujoco_step.c`.
 #![allow(missing_docs)]
 
 use divan::{Bencher, black_box};
 use sgpr_benches::Sines;
 use sgpr_core::robot::puma560;
 use sgpr_core::simulation::{
-    Drive, Experiment, FeedForward, Gains, Integrator, RigidBody, Simulator, puma560_drives, simulate,
+    Drive, Experiment, FeedForward, Gains, Integrator, RigidBody, Simulator, puma560_drives,
+    simulate,
 };
 
 fn main() {
@@ -19,8 +20,11 @@ fn bench(bencher: Bencher, drives: &[Drive], integrator: Integrator, experiment:
     let robot = puma560();
     bencher.counter(divan::counter::ItemsCount::new(STEPS)).bench_local(|| {
         let mut arm = Simulator::new(&robot, drives, integrator, 2.5e-4).expect("valid drives");
-        let mut controller = FeedForward::new(RigidBody::new(&robot), Gains::uniform(6, 300.0, 10.0));
-        black_box(simulate(&mut arm, &mut controller, &Sines, 1.0, experiment, &()).expect("stable"))
+        let mut controller =
+            FeedForward::new(RigidBody::new(&robot), Gains::uniform(6, 300.0, 10.0));
+        black_box(
+            simulate(&mut arm, &mut controller, &Sines, 1.0, experiment, &()).expect("stable"),
+        )
     });
 }
 

@@ -1,6 +1,6 @@
-//! Time per call of a predictor for seven joints: without findings, and with five of them, two with a memory. The ratio
-//! of both in turn, and the slowest of ten million calls, are what `make soak` prints
-//! (`crates/sgpr-predict/tests/endurance.rs`).
+//! Time per call of a predictor for seven joints: without findings, and with five of them, two with
+//! a memory. The ratio of both in turn, and the slowest of ten million calls, are what `make soak`
+//! prints (`crates/sgpr-predict/tests/endurance.rs`).
 #![allow(missing_docs)]
 
 use divan::{Bencher, black_box};
@@ -29,12 +29,16 @@ fn pass(fixture: &Fixture, predictor: &mut Predictor) {
 fn predictor_without_findings(bencher: Bencher) {
     let fixture = Fixture::new("panda_like", STATES);
     let mut predictor = predictor(&fixture, vec![]);
-    bencher.counter(divan::counter::ItemsCount::new(STATES)).bench_local(|| pass(&fixture, &mut predictor));
+    bencher
+        .counter(divan::counter::ItemsCount::new(STATES))
+        .bench_local(|| pass(&fixture, &mut predictor));
 }
 
 #[divan::bench]
 fn predictor_with_five_findings(bencher: Bencher) {
     let fixture = Fixture::new("panda_like", STATES);
     let mut predictor = predictor(&fixture, findings());
-    bencher.counter(divan::counter::ItemsCount::new(STATES)).bench_local(|| pass(&fixture, &mut predictor));
+    bencher
+        .counter(divan::counter::ItemsCount::new(STATES))
+        .bench_local(|| pass(&fixture, &mut predictor));
 }

@@ -288,7 +288,7 @@ def diagnosis_numbers() -> Iterator[str]:
             yield f"\n## {path.relative_to(source).with_suffix('')}\n\n| number | value | what for |\n|---|---|---|"
         for comment, name, value in own:
             words = " ".join(line.strip().lstrip("/").strip() for line in comment.splitlines())
-            yield f"| `{name}` | {value} | " + words.replace("|", "\\|") + " |"
+            yield f"| `{name}` | {' '.join(value.split())} | " + words.replace("|", "\\|") + " |"
 
 
 def messages() -> Iterator[str]:

@@ -1,16 +1,20 @@
-//! What `run.py` compares with the peers: one line `name value` per measurement, nanoseconds, fastest of many batches.
+//! What `run.py` compares with the peers: one line `name value` per measurement, nanoseconds,
+//! fastest of many batches.
 //!
-//! Usage: `peers ROBOT.urdf` for the dynamics; `peers ROBOT.urdf SAMPLES` with a file of little-endian numbers, per
-//! sample q, dq, ddq, tau, for a whole identification.
+//! Usage: `peers ROBOT.urdf` for the dynamics; `peers ROBOT.urdf SAMPLES` with a file of
+//! little-endian numbers, per sample q, dq, ddq, tau, for a whole identification.
 
 use std::hint::black_box;
 use std::time::Instant;
 
 use sgpr_benches::{Fixture, State};
 use sgpr_core::dynamics::{
-    BatchWorkspace, Samples, Workspace, forward_dynamics, mass_matrix, regressor, regressor_batch, rnea, rnea_batch,
+    BatchWorkspace, Samples, Workspace, forward_dynamics, mass_matrix, regressor, regressor_batch,
+    rnea, rnea_batch,
 };
-use sgpr_core::identification::{BaseParameters, Estimate, LeastSquares, Method, Observation, ParameterSet};
+use sgpr_core::identification::{
+    BaseParameters, Estimate, LeastSquares, Method, Observation, ParameterSet,
+};
 use sgpr_core::robot::{Robot, UrdfOptions};
 
 const STATES: usize = 256;
@@ -56,15 +60,19 @@ fn dynamics(robot: Robot) {
     let n = robot.dof();
     let mut batch = BatchWorkspace::new(robot);
     let (rows, mut tau) = (STATES * n, vec![0.0; STATES * n]);
-    let samples = Samples { q: &fixture.q[..rows], dq: &fixture.dq[..rows], ddq: &fixture.ddq[..rows] };
+    let samples =
+        Samples { q: &fixture.q[..rows], dq: &fixture.dq[..rows], ddq: &fixture.ddq[..rows] };
     let time = fastest(BATCHES, STATES, || {
         rnea_batch(robot, &mut batch, black_box(samples), &mut tau);
         black_box(tau[0]);
     });
     println!("rnea_batch {time:.1}");
 
-    // One matrix that stays in the second-level cache, one for the cache that cores share, one beyond it.
-    for (name, megabytes) in [("regressor_batch_1MB", 1), ("regressor_batch_16MB", 16), ("regressor_batch_1GB", 1024)] {
+    // One matrix that stays in the second-level cache, one for the cache that cores share, one
+    // beyond it.
+    for (name, megabytes) in
+        [("regressor_batch_1MB", 1), ("regressor_batch_16MB", 16), ("regressor_batch_1GB", 1024)]
+    {
         let count = (megabytes << 20) / (n * n * 10 * size_of::<f64>());
         let fixture = Fixture::of(robot.clone(), count);
         let samples = Samples { q: &fixture.q, dq: &fixture.dq, ddq: &fixture.ddq };
@@ -85,7 +93,8 @@ fn dynamics(robot: Robot) {
 
 fn identification(robot: &Robot, path: &str) {
     let bytes = std::fs::read(path).expect("a file of samples");
-    let numbers: Vec<f64> = bytes.as_chunks().0.iter().map(|bytes| f64::from_le_bytes(*bytes)).collect();
+    let numbers: Vec<f64> =
+        bytes.as_chunks().0.iter().map(|bytes| f64::from_le_bytes(*bytes)).collect();
     let n = robot.dof();
     let column = |index: usize| -> Vec<f64> {
         numbers.chunks_exact(4 * n).flat_map(|row| row[index * n..][..n].to_vec()).collect()
@@ -94,12 +103,17 @@ fn identification(robot: &Robot, path: &str) {
     let samples = Samples { q: &q, dq: &dq, ddq: &ddq };
     let mut estimate: Option<Estimate> = None;
     let time = fastest(30, 1, || {
-        let set = ParameterSet::new(robot, &["viscous_friction", "coulomb_friction"]).expect("known effects");
+        let set = ParameterSet::new(robot, &["viscous_friction", "coulomb_friction"])
+            .expect("known effects");
         let base = BaseParameters::new(robot, &set);
         let mut observation = Observation::new(robot, &set, &base);
         observation.add_samples(samples, &tau, None).expect("finite data");
         let nominal = vec![0.0; base.rank()];
-        estimate = Some(LeastSquares::new(Method::Wls).solve(&observation.factors(), &base, &nominal).expect("enough"));
+        estimate = Some(
+            LeastSquares::new(Method::Wls)
+                .solve(&observation.factors(), &base, &nominal)
+                .expect("enough"),
+        );
     });
     println!("identification {time:.0}");
     let estimate = estimate.expect("just made");

@@ -8,7 +8,14 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let folder = std::env::args().nth(1).ok_or("which folder?")?;
     let fixture = Fixture::new("panda_like", 1);
     let models = [
-        ("rigid", TorqueModel::with_parameters(&fixture.robot, &[] as &[&str], fixture.robot.standard_parameters())?),
+        (
+            "rigid",
+            TorqueModel::with_parameters(
+                &fixture.robot,
+                &[] as &[&str],
+                fixture.robot.standard_parameters(),
+            )?,
+        ),
         ("found", model(&fixture).with_terms(findings(), Some(0))),
     ];
     for (name, model) in models {

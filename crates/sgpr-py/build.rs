@@ -1,4 +1,5 @@
-//! The module's calls of BLAS and LAPACK go to its own symbols, whatever else the process has loaded.
+//! The module's calls of BLAS and LAPACK go to its own symbols, whatever else the process has
+//! loaded.
 
 fn main() {
     println!("cargo::rerun-if-changed=build.rs");

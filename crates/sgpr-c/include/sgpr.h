@@ -62,12 +62,14 @@
 #define SGPR_BAD_MODEL 6
 
 /*
- An option that is none, a rate that an effect needs, or a standard deviation of a model or predictor without one.
+ An option that is none, a rate that an effect needs, or a standard deviation of a model or
+ predictor without one.
  */
 #define SGPR_BAD_OPTION 7
 
 /*
- A model with an effect that cannot be advanced sample by sample, or a Gaussian process that cannot be asked.
+ A model with an effect that cannot be advanced sample by sample, or a Gaussian process that
+ cannot be asked.
  */
 #define SGPR_NOT_STREAMED 8
 
@@ -112,7 +114,8 @@ typedef struct sgpr_model sgpr_model;
 typedef struct sgpr_predictor sgpr_predictor;
 
 /*
- How a predictor is made. All zero (`sgpr_options options = {0};`) is a feed-forward without a rate.
+ How a predictor is made. All zero (`sgpr_options options = {0};`) is a feed-forward without a
+ rate.
  */
 typedef struct sgpr_options {
     /*
@@ -124,13 +127,13 @@ typedef struct sgpr_options {
      */
     int32_t purpose;
     /*
-     1: every call computes the standard deviation of its torque, too, for which a learned model needs a square of
-     its points in memory, and as much time. 0: none does.
+     1: every call computes the standard deviation of its torque, too, for which a learned model
+     needs a square of its points in memory, and as much time. 0: none does.
      */
     int32_t deviation;
     /*
-     Names of effects that a feed-forward leaves out and that are wanted all the same, as a payload that is carried;
-     UTF-8, may be NULL.
+     Names of effects that a feed-forward leaves out and that are wanted all the same, as a
+     payload that is carried; UTF-8, may be NULL.
      */
     const char *const *keep;
     /*
@@ -154,7 +157,8 @@ uint32_t sgpr_abi_version(void);
 const char *sgpr_version(void);
 
 /*
- What went wrong in the last call of this thread that failed; valid until the next one that does. Never NULL.
+ What went wrong in the last call of this thread that failed; valid until the next one that does.
+ Never NULL.
  */
 const char *sgpr_last_error(void);
 
@@ -199,8 +203,8 @@ size_t sgpr_model_joints(const struct sgpr_model *model);
 const char *sgpr_model_joint_name(const struct sgpr_model *model, size_t joint);
 
 /*
- Whether the model has Gaussian processes of what its physics leaves over, so that its torques have a standard
- deviation: 1 or 0; 0 for NULL.
+ Whether the model has Gaussian processes of what its physics leaves over, so that its torques
+ have a standard deviation: 1 or 0; 0 for NULL.
 
  # Safety
  `model` is NULL or was made here.
@@ -223,12 +227,12 @@ int32_t sgpr_predictor_new(const struct sgpr_model *model,
                            struct sgpr_predictor **predictor);
 
 /*
- Makes a predictor of a model with all options; SGPR_BAD_OPTION if it is to say how sure its torques are and the
- model has not learned that (sgpr_model_learned).
+ Makes a predictor of a model with all options; SGPR_BAD_OPTION if it is to say how sure its
+ torques are and the model has not learned that (sgpr_model_learned).
 
  # Safety
- `model` is NULL or was made here; `options` is NULL or has as many names as it says; `predictor` is NULL or may be
- written.
+ `model` is NULL or was made here; `options` is NULL or has as many names as it says; `predictor`
+ is NULL or may be written.
  */
 int32_t sgpr_predictor_new_with(const struct sgpr_model *model,
                                 const struct sgpr_options *options,
@@ -275,10 +279,12 @@ int32_t sgpr_predictor_set_fallback(struct sgpr_predictor *predictor, int32_t fa
 int32_t sgpr_predictor_reset(struct sgpr_predictor *predictor);
 
 /*
- Forgets all samples: hidden states are those after a long motion at speed dq to q, the clock is at zero.
+ Forgets all samples: hidden states are those after a long motion at speed dq to q, the clock is
+ at zero.
 
  # Safety
- `predictor` is NULL or was made here, and no other thread uses it meanwhile; arrays are NULL or have `joints` numbers.
+ `predictor` is NULL or was made here, and no other thread uses it meanwhile; arrays are NULL or
+ have `joints` numbers.
  */
 int32_t sgpr_predictor_reset_at(struct sgpr_predictor *predictor, const double *q, const double *dq, size_t joints);
 
@@ -294,17 +300,19 @@ int32_t sgpr_predictor_set_time(struct sgpr_predictor *predictor, double time);
  Sets the temperature of each joint, degrees Celsius.
 
  # Safety
- `predictor` is NULL or was made here, and no other thread uses it meanwhile; the array is NULL or has `joints`
- numbers.
+ `predictor` is NULL or was made here, and no other thread uses it meanwhile; the array is NULL
+ or has `joints` numbers.
  */
 int32_t sgpr_predictor_set_temperature(struct sgpr_predictor *predictor, const double *celsius, size_t joints);
 
 /*
- Torque at the next sample, one period after the last. If a number is not finite or a temperature is missing, the
- sample is refused and counted, tau is as the fallback says, and hidden states stay as they are.
+ Torque at the next sample, one period after the last. If a number is not finite or a temperature
+ is missing, the sample is refused and counted, tau is as the fallback says, and hidden states
+ stay as they are.
 
  # Safety
- `predictor` is NULL or was made here, and no other thread uses it meanwhile; arrays are NULL or have `joints` numbers.
+ `predictor` is NULL or was made here, and no other thread uses it meanwhile; arrays are NULL or
+ have `joints` numbers.
  */
 int32_t sgpr_predictor_torque(struct sgpr_predictor *predictor,
                               const double *q,
@@ -328,7 +336,8 @@ int32_t sgpr_predictor_torque_after(struct sgpr_predictor *predictor,
                                     size_t joints);
 
 /*
- Torque at a time of a clock, s, which must be later than at the sample before. The first sample sets the clock.
+ Torque at a time of a clock, s, which must be later than at the sample before. The first sample
+ sets the clock.
 
  # Safety
  As [`sgpr_predictor_torque`].
@@ -342,23 +351,24 @@ int32_t sgpr_predictor_torque_at(struct sgpr_predictor *predictor,
                                  size_t joints);
 
 /*
- Standard deviation of the measured torque about the last good one, `[n]`, N m (N): of the Gaussian processes, of
- noise, and of what uncertain parameters bring. Of a predictor made with `deviation`.
+ Standard deviation of the measured torque about the last good one, `[n]`, N m (N): of the
+ Gaussian processes, of noise, and of what uncertain parameters bring. Of a predictor made with
+ `deviation`.
 
  # Safety
- `predictor` is NULL or was made here, and no other thread uses it meanwhile; the array is NULL or has `joints`
- numbers.
+ `predictor` is NULL or was made here, and no other thread uses it meanwhile; the array is NULL
+ or has `joints` numbers.
  */
 int32_t sgpr_predictor_deviation(const struct sgpr_predictor *predictor, double *deviation, size_t joints);
 
 /*
- Share of the variance of each joint's process that its logs have not explained at the last good sample, `[n]`: from
- 0 at a point of the logs to 1 far from all, 0 for a joint without a process. Above 0.95 the torque is that of the
- physics. Of a predictor made with `deviation`.
+ Share of the variance of each joint's process that its logs have not explained at the last good
+ sample, `[n]`: from 0 at a point of the logs to 1 far from all, 0 for a joint without a process.
+ Above 0.95 the torque is that of the physics. Of a predictor made with `deviation`.
 
  # Safety
- `predictor` is NULL or was made here, and no other thread uses it meanwhile; the array is NULL or has `joints`
- numbers.
+ `predictor` is NULL or was made here, and no other thread uses it meanwhile; the array is NULL
+ or has `joints` numbers.
  */
 int32_t sgpr_predictor_novelty(const struct sgpr_predictor *predictor, double *novelty, size_t joints);
 

@@ -21,9 +21,11 @@ pub const SGPR_BAD_TIME: i32 = 4;
 pub const SGPR_NO_TEMPERATURE: i32 = 5;
 /// A file that is not there, is no model, or is that of a newer version.
 pub const SGPR_BAD_MODEL: i32 = 6;
-/// An option that is none, a rate that an effect needs, or a standard deviation of a model or predictor without one.
+/// An option that is none, a rate that an effect needs, or a standard deviation of a model or
+/// predictor without one.
 pub const SGPR_BAD_OPTION: i32 = 7;
-/// A model with an effect that cannot be advanced sample by sample, or a Gaussian process that cannot be asked.
+/// A model with an effect that cannot be advanced sample by sample, or a Gaussian process that
+/// cannot be asked.
 pub const SGPR_NOT_STREAMED: i32 = 8;
 /// A mistake in the library: please report it.
 pub const SGPR_INTERNAL: i32 = 9;
@@ -128,8 +130,12 @@ pub fn code(call: impl FnOnce() -> Result<(), Failure>) -> i32 {
         Ok(Err(Failure(code))) => code as i32,
         Err(panic) => {
             let words = panic.downcast_ref::<String>().map(String::as_str);
-            let words = words.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("no words");
-            Failure::new(Code::Internal, &format_args!("a mistake in sgpr, please report it: {words}"));
+            let words =
+                words.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("no words");
+            Failure::new(
+                Code::Internal,
+                &format_args!("a mistake in sgpr, please report it: {words}"),
+            );
             Code::Internal as i32
         }
     }

@@ -1,5 +1,5 @@
-//! Torque models of robot arms for controllers in C and C++: the functions of `include/sgpr.h`, which is made from this
-//! source.
+//! Torque models of robot arms for controllers in C and C++: the functions of `include/sgpr.h`,
+//! which is made from this source.
 #![warn(clippy::too_many_lines)]
 
 mod failure;
@@ -23,7 +23,8 @@ pub extern "C" fn sgpr_version() -> *const c_char {
     concat!(env!("CARGO_PKG_VERSION"), "\0").as_ptr().cast()
 }
 
-/// What went wrong in the last call of this thread that failed; valid until the next one that does. Never NULL.
+/// What went wrong in the last call of this thread that failed; valid until the next one that does.
+/// Never NULL.
 #[unsafe(no_mangle)]
 pub extern "C" fn sgpr_last_error() -> *const c_char {
     failure::last()

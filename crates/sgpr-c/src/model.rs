@@ -16,7 +16,9 @@ pub struct sgpr_model {
 
 fn handle(inner: StreamedModel) -> *mut sgpr_model {
     let joints = inner.robot().joints().iter();
-    let names = joints.map(|joint| CString::new(joint.name.replace('\0', "_")).unwrap_or_default()).collect();
+    let names = joints
+        .map(|joint| CString::new(joint.name.replace('\0', "_")).unwrap_or_default())
+        .collect();
     Box::into_raw(Box::new(sgpr_model { inner, names }))
 }
 
@@ -33,7 +35,8 @@ pub unsafe extern "C" fn sgpr_model_load(path: *const c_char, model: *mut *mut s
         // SAFETY: not null, and the caller says that it ends in a zero.
         let path = unsafe { CStr::from_ptr(path) };
         let path = path.to_str().map_err(|_| Failure::new(Code::BadModel, &"path: not UTF-8"))?;
-        let inner = StreamedModel::load(path).map_err(|error| Failure::new(Code::BadModel, &error))?;
+        let inner =
+            StreamedModel::load(path).map_err(|error| Failure::new(Code::BadModel, &error))?;
         // SAFETY: not null, and the caller says that it may be written.
         unsafe { *model = handle(inner) };
         Ok(())
@@ -45,7 +48,11 @@ pub unsafe extern "C" fn sgpr_model_load(path: *const c_char, model: *mut *mut s
 /// # Safety
 /// `bytes` is NULL or has `length` bytes; `model` is NULL or may be written.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn sgpr_model_from_bytes(bytes: *const u8, length: usize, model: *mut *mut sgpr_model) -> i32 {
+pub unsafe extern "C" fn sgpr_model_from_bytes(
+    bytes: *const u8,
+    length: usize,
+    model: *mut *mut sgpr_model,
+) -> i32 {
     code(|| {
         if bytes.is_null() || model.is_null() {
             return Err(Failure::null(if bytes.is_null() { "bytes" } else { "model" }));
@@ -55,7 +62,8 @@ pub unsafe extern "C" fn sgpr_model_from_bytes(bytes: *const u8, length: usize, 
         }
         // SAFETY: not null, and the caller says that there are so many.
         let bytes = unsafe { std::slice::from_raw_parts(bytes, length) };
-        let inner = StreamedModel::from_bytes(bytes, "bytes").map_err(|error| Failure::new(Code::BadModel, &error))?;
+        let inner = StreamedModel::from_bytes(bytes, "bytes")
+            .map_err(|error| Failure::new(Code::BadModel, &error))?;
         // SAFETY: not null, and the caller says that it may be written.
         unsafe { *model = handle(inner) };
         Ok(())
@@ -89,14 +97,17 @@ pub unsafe extern "C" fn sgpr_model_joints(model: *const sgpr_model) -> usize {
 /// # Safety
 /// `model` is NULL or was made here.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn sgpr_model_joint_name(model: *const sgpr_model, joint: usize) -> *const c_char {
+pub unsafe extern "C" fn sgpr_model_joint_name(
+    model: *const sgpr_model,
+    joint: usize,
+) -> *const c_char {
     // SAFETY: NULL or valid, as the caller says.
     let name = unsafe { model.as_ref() }.and_then(|model| model.names.get(joint));
     name.map_or(std::ptr::null(), |name| name.as_ptr())
 }
 
-/// Whether the model has Gaussian processes of what its physics leaves over, so that its torques have a standard
-/// deviation: 1 or 0; 0 for NULL.
+/// Whether the model has Gaussian processes of what its physics leaves over, so that its torques
+/// have a standard deviation: 1 or 0; 0 for NULL.
 ///
 /// # Safety
 /// `model` is NULL or was made here.

@@ -20,7 +20,8 @@ pub const SGPR_ZERO_TORQUE: i32 = 1;
 /// More names than any model has effects are a length that is none.
 const MOST_NAMES: usize = 10_000;
 
-/// How a predictor is made. All zero (`sgpr_options options = {0};`) is a feed-forward without a rate.
+/// How a predictor is made. All zero (`sgpr_options options = {0};`) is a feed-forward without a
+/// rate.
 #[derive(Clone, Copy, Debug)]
 #[allow(non_camel_case_types, reason = "the name in C")]
 #[repr(C)]
@@ -29,11 +30,11 @@ pub struct sgpr_options {
     pub rate_hz: f64,
     /// SGPR_FEED_FORWARD or SGPR_EXPECTED_MEASUREMENT.
     pub purpose: i32,
-    /// 1: every call computes the standard deviation of its torque, too, for which a learned model needs a square of
-    /// its points in memory, and as much time. 0: none does.
+    /// 1: every call computes the standard deviation of its torque, too, for which a learned model
+    /// needs a square of its points in memory, and as much time. 0: none does.
     pub deviation: i32,
-    /// Names of effects that a feed-forward leaves out and that are wanted all the same, as a payload that is carried;
-    /// UTF-8, may be NULL.
+    /// Names of effects that a feed-forward leaves out and that are wanted all the same, as a
+    /// payload that is carried; UTF-8, may be NULL.
     pub keep: *const *const c_char,
     /// How many names there are.
     pub keep_length: usize,
@@ -73,11 +74,16 @@ impl sgpr_predictor {
     /// Seconds since the last sample by the clock of the caller; none at the first.
     fn step_to(&self, time: f64) -> Result<Option<f64>, Failure> {
         if !time.is_finite() {
-            return Err(Failure::new(Code::NotFinite, &format_args!("time: got {time}, expected a finite number")));
+            return Err(Failure::new(
+                Code::NotFinite,
+                &format_args!("time: got {time}, expected a finite number"),
+            ));
         }
         match self.last_time {
             Some(last) if time <= last => {
-                let words = format_args!("time: got {time} s, expected more than {last} s, that of the last sample");
+                let words = format_args!(
+                    "time: got {time} s, expected more than {last} s, that of the last sample"
+                );
                 Err(Failure::new(Code::BadTime, &words))
             }
             last => Ok(last.map(|last| time - last)),
@@ -117,10 +123,13 @@ impl sgpr_predictor {
     fn spread(&self) -> Result<&Spread, Failure> {
         match &self.spread {
             None => {
-                let words = "predictor: made without a standard deviation: set `deviation` of sgpr_options to 1";
+                let words = "predictor: made without a standard deviation: set `deviation` of \
+                     sgpr_options to 1";
                 Err(Failure::new(Code::BadOption, &words))
             }
-            Some(spread) if !spread.known => Err(Failure::new(Code::NoSample, &"predictor: no good sample yet")),
+            Some(spread) if !spread.known => {
+                Err(Failure::new(Code::NoSample, &"predictor: no good sample yet"))
+            }
             Some(spread) => Ok(spread),
         }
     }
@@ -149,14 +158,22 @@ unsafe fn array<'a>(name: &str, values: *const f64, joints: usize) -> Result<&'a
 ///
 /// # Safety
 /// `predictor` is NULL or was made here, and no other thread uses it meanwhile.
-unsafe fn with(predictor: *mut sgpr_predictor, call: impl FnOnce(&mut sgpr_predictor) -> Result<(), Failure>) -> i32 {
+unsafe fn with(
+    predictor: *mut sgpr_predictor,
+    call: impl FnOnce(&mut sgpr_predictor) -> Result<(), Failure>,
+) -> i32 {
     // SAFETY: NULL or valid, as the caller says.
     code(|| call(unsafe { predictor.as_mut() }.ok_or_else(|| Failure::null("predictor"))?))
 }
 
 /// The predictor of a model, with hidden states at rest at the first sample.
-fn made(model: &sgpr_model, stream: &StreamOptions, deviation: bool) -> Result<Box<sgpr_predictor>, Failure> {
-    let inner = model.inner.predictor_with(stream, &RestOptions::default().with_deviation(deviation))?;
+fn made(
+    model: &sgpr_model,
+    stream: &StreamOptions,
+    deviation: bool,
+) -> Result<Box<sgpr_predictor>, Failure> {
+    let inner =
+        model.inner.predictor_with(stream, &RestOptions::default().with_deviation(deviation))?;
     let zeros = || vec![0.0; inner.dof()];
     Ok(Box::new(sgpr_predictor {
         last_torque: zeros(),
@@ -173,12 +190,17 @@ fn stream_options(rate_hz: f64, purpose: i32, keep: Vec<String>) -> Result<Strea
         SGPR_FEED_FORWARD => Purpose::FeedForward,
         SGPR_EXPECTED_MEASUREMENT => Purpose::ExpectedMeasurement,
         found => {
-            let words =
-                format_args!("purpose: got {found}, expected SGPR_FEED_FORWARD (0) or SGPR_EXPECTED_MEASUREMENT (1)");
+            let words = format_args!(
+                "purpose: got {found}, expected SGPR_FEED_FORWARD (0) or SGPR_EXPECTED_MEASUREMENT \
+                 (1)"
+            );
             return Err(Failure::new(Code::BadOption, &words));
         }
     };
-    Ok(StreamOptions::default().with_rate_hz((rate_hz != 0.0).then_some(rate_hz)).with_purpose(purpose).with_keep(keep))
+    Ok(StreamOptions::default()
+        .with_rate_hz((rate_hz != 0.0).then_some(rate_hz))
+        .with_purpose(purpose)
+        .with_keep(keep))
 }
 
 /// Makes a predictor of a model; hidden states start at rest at the first sample.
@@ -196,17 +218,18 @@ pub unsafe extern "C" fn sgpr_predictor_new(
     purpose: i32,
     predictor: *mut *mut sgpr_predictor,
 ) -> i32 {
-    let options = sgpr_options { rate_hz, purpose, deviation: 0, keep: std::ptr::null(), keep_length: 0 };
+    let options =
+        sgpr_options { rate_hz, purpose, deviation: 0, keep: std::ptr::null(), keep_length: 0 };
     // SAFETY: as the caller says; no name is given.
     unsafe { sgpr_predictor_new_with(model, &raw const options, predictor) }
 }
 
-/// Makes a predictor of a model with all options; SGPR_BAD_OPTION if it is to say how sure its torques are and the
-/// model has not learned that (sgpr_model_learned).
+/// Makes a predictor of a model with all options; SGPR_BAD_OPTION if it is to say how sure its
+/// torques are and the model has not learned that (sgpr_model_learned).
 ///
 /// # Safety
-/// `model` is NULL or was made here; `options` is NULL or has as many names as it says; `predictor` is NULL or may be
-/// written.
+/// `model` is NULL or was made here; `options` is NULL or has as many names as it says; `predictor`
+/// is NULL or may be written.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn sgpr_predictor_new_with(
     model: *const sgpr_model,
@@ -231,7 +254,8 @@ pub unsafe extern "C" fn sgpr_predictor_new_with(
         };
         // SAFETY: as the caller says.
         let keep = unsafe { names(options) }?;
-        let made = made(model, &stream_options(options.rate_hz, options.purpose, keep)?, deviation)?;
+        let made =
+            made(model, &stream_options(options.rate_hz, options.purpose, keep)?, deviation)?;
         // SAFETY: not null, and the caller says that it may be written.
         unsafe { *predictor = Box::into_raw(made) };
         Ok(())
@@ -262,7 +286,10 @@ unsafe fn names(options: &sgpr_options) -> Result<Vec<String>, Failure> {
         }
         // SAFETY: not null, and the caller says that it ends in a zero.
         let name = unsafe { CStr::from_ptr(*name) };
-        Ok(name.to_str().map_err(|_| Failure::new(Code::BadOption, &"keep: a name is not UTF-8"))?.into())
+        Ok(name
+            .to_str()
+            .map_err(|_| Failure::new(Code::BadOption, &"keep: a name is not UTF-8"))?
+            .into())
     };
     names.iter().map(own).collect()
 }
@@ -304,10 +331,15 @@ pub unsafe extern "C" fn sgpr_predictor_refused(predictor: *const sgpr_predictor
 /// # Safety
 /// `predictor` is NULL or was made here, and no other thread uses it meanwhile.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn sgpr_predictor_set_fallback(predictor: *mut sgpr_predictor, fallback: i32) -> i32 {
+pub unsafe extern "C" fn sgpr_predictor_set_fallback(
+    predictor: *mut sgpr_predictor,
+    fallback: i32,
+) -> i32 {
     let set = |predictor: &mut sgpr_predictor| {
         if ![SGPR_LAST_TORQUE, SGPR_ZERO_TORQUE].contains(&fallback) {
-            let words = format_args!("fallback: got {fallback}, expected SGPR_LAST_TORQUE (0) or SGPR_ZERO_TORQUE (1)");
+            let words = format_args!(
+                "fallback: got {fallback}, expected SGPR_LAST_TORQUE (0) or SGPR_ZERO_TORQUE (1)"
+            );
             return Err(Failure::new(Code::BadOption, &words));
         }
         predictor.zero_when_refused = fallback == SGPR_ZERO_TORQUE;
@@ -332,10 +364,12 @@ pub unsafe extern "C" fn sgpr_predictor_reset(predictor: *mut sgpr_predictor) ->
     unsafe { with(predictor, reset) }
 }
 
-/// Forgets all samples: hidden states are those after a long motion at speed dq to q, the clock is at zero.
+/// Forgets all samples: hidden states are those after a long motion at speed dq to q, the clock is
+/// at zero.
 ///
 /// # Safety
-/// `predictor` is NULL or was made here, and no other thread uses it meanwhile; arrays are NULL or have `joints` numbers.
+/// `predictor` is NULL or was made here, and no other thread uses it meanwhile; arrays are NULL or
+/// have `joints` numbers.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn sgpr_predictor_reset_at(
     predictor: *mut sgpr_predictor,
@@ -368,8 +402,8 @@ pub unsafe extern "C" fn sgpr_predictor_set_time(predictor: *mut sgpr_predictor,
 /// Sets the temperature of each joint, degrees Celsius.
 ///
 /// # Safety
-/// `predictor` is NULL or was made here, and no other thread uses it meanwhile; the array is NULL or has `joints`
-/// numbers.
+/// `predictor` is NULL or was made here, and no other thread uses it meanwhile; the array is NULL
+/// or has `joints` numbers.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn sgpr_predictor_set_temperature(
     predictor: *mut sgpr_predictor,
@@ -410,15 +444,23 @@ unsafe fn torque(
             return Err(Failure::null("tau"));
         }
         // SAFETY: as the caller says, of the length that was checked.
-        let motion = unsafe { [array("q", q, joints)?, array("dq", dq, joints)?, array("ddq", ddq, joints)?] };
+        let motion = unsafe {
+            [array("q", q, joints)?, array("dq", dq, joints)?, array("ddq", ddq, joints)?]
+        };
         let done = when(predictor).and_then(|when| predictor.torque(when, motion));
         let refused = done.is_err_and(Failure::is_of_sample);
         predictor.refused += u64::from(refused);
         let (from, zero) = (predictor.last_torque.as_ptr(), refused && predictor.zero_when_refused);
         if done.is_ok() || refused {
-            // SAFETY: not null, of the length that was checked; the motion is not read any more, so that the caller may give
-            // one of its arrays; the own array is nobody else's.
-            unsafe { if zero { tau.write_bytes(0, joints) } else { tau.copy_from_nonoverlapping(from, joints) } }
+            // SAFETY: not null, of the length that was checked; the motion is not read any more, so
+            // that the caller may give one of its arrays; the own array is nobody else's.
+            unsafe {
+                if zero {
+                    tau.write_bytes(0, joints)
+                } else {
+                    tau.copy_from_nonoverlapping(from, joints)
+                }
+            }
         }
         done
     };
@@ -426,11 +468,13 @@ unsafe fn torque(
     unsafe { with(predictor, call) }
 }
 
-/// Torque at the next sample, one period after the last. If a number is not finite or a temperature is missing, the
-/// sample is refused and counted, tau is as the fallback says, and hidden states stay as they are.
+/// Torque at the next sample, one period after the last. If a number is not finite or a temperature
+/// is missing, the sample is refused and counted, tau is as the fallback says, and hidden states
+/// stay as they are.
 ///
 /// # Safety
-/// `predictor` is NULL or was made here, and no other thread uses it meanwhile; arrays are NULL or have `joints` numbers.
+/// `predictor` is NULL or was made here, and no other thread uses it meanwhile; arrays are NULL or
+/// have `joints` numbers.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn sgpr_predictor_torque(
     predictor: *mut sgpr_predictor,
@@ -462,7 +506,8 @@ pub unsafe extern "C" fn sgpr_predictor_torque_after(
     unsafe { torque(predictor, Sample { q, dq, ddq, tau, joints }, |_| Ok(When::After(step))) }
 }
 
-/// Torque at a time of a clock, s, which must be later than at the sample before. The first sample sets the clock.
+/// Torque at a time of a clock, s, which must be later than at the sample before. The first sample
+/// sets the clock.
 ///
 /// # Safety
 /// As [`sgpr_predictor_torque`].
@@ -492,7 +537,8 @@ pub unsafe extern "C" fn sgpr_predictor_torque_at(
 /// Copies `[n]` numbers that say how sure the last torque is.
 ///
 /// # Safety
-/// `predictor` is NULL or was made here, and no other thread uses it meanwhile; `to` is NULL or has `joints` numbers.
+/// `predictor` is NULL or was made here, and no other thread uses it meanwhile; `to` is NULL or has
+/// `joints` numbers.
 unsafe fn copy_spread(
     predictor: *const sgpr_predictor,
     (name, to): (&str, *mut f64),
@@ -513,12 +559,13 @@ unsafe fn copy_spread(
     })
 }
 
-/// Standard deviation of the measured torque about the last good one, `[n]`, N m (N): of the Gaussian processes, of
-/// noise, and of what uncertain parameters bring. Of a predictor made with `deviation`.
+/// Standard deviation of the measured torque about the last good one, `[n]`, N m (N): of the
+/// Gaussian processes, of noise, and of what uncertain parameters bring. Of a predictor made with
+/// `deviation`.
 ///
 /// # Safety
-/// `predictor` is NULL or was made here, and no other thread uses it meanwhile; the array is NULL or has `joints`
-/// numbers.
+/// `predictor` is NULL or was made here, and no other thread uses it meanwhile; the array is NULL
+/// or has `joints` numbers.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn sgpr_predictor_deviation(
     predictor: *const sgpr_predictor,
@@ -529,13 +576,13 @@ pub unsafe extern "C" fn sgpr_predictor_deviation(
     unsafe { copy_spread(predictor, ("deviation", deviation), joints, |spread| &spread.deviation) }
 }
 
-/// Share of the variance of each joint's process that its logs have not explained at the last good sample, `[n]`: from
-/// 0 at a point of the logs to 1 far from all, 0 for a joint without a process. Above 0.95 the torque is that of the
-/// physics. Of a predictor made with `deviation`.
+/// Share of the variance of each joint's process that its logs have not explained at the last good
+/// sample, `[n]`: from 0 at a point of the logs to 1 far from all, 0 for a joint without a process.
+/// Above 0.95 the torque is that of the physics. Of a predictor made with `deviation`.
 ///
 /// # Safety
-/// `predictor` is NULL or was made here, and no other thread uses it meanwhile; the array is NULL or has `joints`
-/// numbers.
+/// `predictor` is NULL or was made here, and no other thread uses it meanwhile; the array is NULL
+/// or has `joints` numbers.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn sgpr_predictor_novelty(
     predictor: *const sgpr_predictor,

@@ -1,4 +1,5 @@
-//! C and C++ programs with the library: compiled, run, and their torques compared bit for bit with those in Rust.
+//! C and C++ programs with the library: compiled, run, and their torques compared bit for bit with
+//! those in Rust.
 #![allow(missing_docs)]
 
 use std::collections::BTreeSet;
@@ -11,8 +12,8 @@ use sgpr as _;
 use sgpr_core::effects::{Site, by_name};
 use sgpr_core::gp::PredictorOptions;
 use sgpr_core::model::{
-    Inputs, Predictor, SemiParametricModel, SemiParametricOptions, StreamOptions, Term, TorqueModel,
-    fit_semi_parametric,
+    Inputs, Predictor, SemiParametricModel, SemiParametricOptions, StreamOptions, Term,
+    TorqueModel, fit_semi_parametric,
 };
 use sgpr_core::recording::csv;
 use sgpr_core::robot::{Robot, UrdfOptions, puma560};
@@ -33,7 +34,11 @@ fn library() -> PathBuf {
 fn run(command: &mut Command) -> Output {
     let output = command.output().unwrap_or_else(|error| panic!("{command:?}: {error}"));
     let words = String::from_utf8_lossy(&output.stderr);
-    assert!(output.status.success() && output.stderr.is_empty(), "{command:?}: {}\n{words}", output.status);
+    assert!(
+        output.status.success() && output.stderr.is_empty(),
+        "{command:?}: {}\n{words}",
+        output.status
+    );
     output
 }
 
@@ -47,8 +52,13 @@ fn model() -> TorqueModel {
         term.coefficients.fill(0.7);
         term
     };
-    let terms = vec![term("presliding_friction", Site::Joint(1), 0.01), term("actuator_lag", Site::Arm, 0.004)];
-    TorqueModel::with_parameters(&robot, &effects, parameters).expect("known").with_terms(terms, Some(0))
+    let terms = vec![
+        term("presliding_friction", Site::Joint(1), 0.01),
+        term("actuator_lag", Site::Arm, 0.004),
+    ];
+    TorqueModel::with_parameters(&robot, &effects, parameters)
+        .expect("known")
+        .with_terms(terms, Some(0))
 }
 
 /// `[samples][q, dq, ddq][n]`.
@@ -64,13 +74,17 @@ fn motion(n: usize) -> Vec<f64> {
     (0..1500).flat_map(sample).collect()
 }
 
-/// Friction is left to processes of few points, on one thread: the bits of the weights do not depend on the threads then.
+/// Friction is left to processes of few points, on one thread: the bits of the weights do not
+/// depend on the threads then.
 fn learned_model() -> SemiParametricModel {
     let data = Path::new(HERE).join("../../data/demo");
-    let robot = Robot::from_urdf(data.join("robot.urdf"), &UrdfOptions::default()).expect("bundled");
+    let robot =
+        Robot::from_urdf(data.join("robot.urdf"), &UrdfOptions::default()).expect("bundled");
     let log = csv::read(data.join("train_1.csv.gz"), &Default::default()).expect("bundled");
-    let options =
-        SemiParametricOptions::default().with_inputs(Some(Inputs::OwnJoint)).with_points(60).with_evaluations(5);
+    let options = SemiParametricOptions::default()
+        .with_inputs(Some(Inputs::OwnJoint))
+        .with_points(60)
+        .with_evaluations(5);
     fit_semi_parametric(&robot, std::slice::from_ref(&log), &options, &()).expect("a good log")
 }
 
@@ -146,7 +160,11 @@ impl Case {
         Self::with(file, predictor, expected)
     }
 
-    fn with(file: &[u8], predictor: Predictor, expected: impl FnOnce(Predictor, &[f64]) -> Vec<u8>) -> Self {
+    fn with(
+        file: &[u8],
+        predictor: Predictor,
+        expected: impl FnOnce(Predictor, &[f64]) -> Vec<u8>,
+    ) -> Self {
         let folder = tempfile::tempdir().expect("a folder");
         let joints = predictor.dof();
         let motion = motion(joints);
@@ -203,7 +221,9 @@ fn compile(case: &Case, compiler: &str, standard: &str, source: &str, more: &[&s
 
 /// The library as it is installed, in a folder that was moved afterwards.
 fn installed(case: &Case) -> PathBuf {
-    run(Command::new("sh").arg(format!("{HERE}/install.sh")).args([&library(), &case.at("before")]));
+    run(Command::new("sh")
+        .arg(format!("{HERE}/install.sh"))
+        .args([&library(), &case.at("before")]));
     fs::rename(case.at("before"), case.at("moved")).expect("a folder");
     case.at("moved")
 }
@@ -217,14 +237,25 @@ fn pkg_config_finds_the_installed_library() {
     let prefix = installed(&case);
     let flags = |more: &[&str]| -> Vec<String> {
         let path = prefix.join("lib/pkgconfig");
-        let output = run(Command::new("pkg-config").env("PKG_CONFIG_PATH", path).args(more).arg("sgpr"));
-        String::from_utf8(output.stdout).expect("flags").split_whitespace().map(String::from).collect()
+        let output =
+            run(Command::new("pkg-config").env("PKG_CONFIG_PATH", path).args(more).arg("sgpr"));
+        String::from_utf8(output.stdout)
+            .expect("flags")
+            .split_whitespace()
+            .map(String::from)
+            .collect()
     };
     assert_eq!(flags(&["--modversion"]), [env!("CARGO_PKG_VERSION")]);
     let program = case.at("program");
     let compile = |flags: Vec<String>| {
         let source = Path::new(HERE).join("tests/controller.cpp");
-        run(Command::new("g++").arg("-std=c++17").arg(source).arg("-o").arg(&program).args(flags).arg("-pthread"));
+        run(Command::new("g++")
+            .arg("-std=c++17")
+            .arg(source)
+            .arg("-o")
+            .arg(&program)
+            .args(flags)
+            .arg("-pthread"));
     };
     compile(flags(&["--cflags", "--libs"]));
     case.run(&program, &prefix.join("lib"));
@@ -277,7 +308,9 @@ fn a_learned_model_gives_the_same_bits() {
 #[test]
 fn a_learned_model_says_how_sure_it_is_in_the_same_bits() {
     let case = Case::sure();
-    for (compiler, source) in [("gcc", "sure.c"), ("clang", "sure.c"), ("g++", "sure.cpp"), ("clang++", "sure.cpp")] {
+    for (compiler, source) in
+        [("gcc", "sure.c"), ("clang", "sure.c"), ("g++", "sure.cpp"), ("clang++", "sure.cpp")]
+    {
         check(&case, compiler, source, &[]);
         check(&case, compiler, source, &["-fsanitize=address,undefined"]);
     }
@@ -311,24 +344,34 @@ fn sanitisers_find_nothing() {
     }
 }
 
-/// Beside declarations of our own where ROS 2 is not installed (`ros2_control/README.md`); it is built with those of
-/// ROS 2 by its `CMakeLists.txt`.
+/// Beside declarations of our own where ROS 2 is not installed (`ros2_control/README.md`); it is
+/// built with those of ROS 2 by its `CMakeLists.txt`.
 #[test]
 fn the_controller_for_ros2_control_gives_effort_of_the_model_and_of_feedback() {
     let example = format!("{HERE}/../../examples/ros2_control");
     for case in [Case::new(), Case::learned()] {
         for compiler in ["g++", "clang++"].into_iter().filter(|compiler| is_here(compiler)) {
             let controller = format!("{example}/src/feed_forward_controller.cpp");
-            let [own, others] = [format!("-I{example}/include"), format!("-I{HERE}/tests/ros2_control/include")];
-            compile(&case, compiler, "-std=c++17", "ros2_control/drive.cpp", &[&controller, &own, &others]);
-            run(Command::new(case.at("program")).env("LD_LIBRARY_PATH", case.folder.path()).arg(case.at("model.sgpr")));
+            let [own, others] =
+                [format!("-I{example}/include"), format!("-I{HERE}/tests/ros2_control/include")];
+            compile(
+                &case,
+                compiler,
+                "-std=c++17",
+                "ros2_control/drive.cpp",
+                &[&controller, &own, &others],
+            );
+            run(Command::new(case.at("program"))
+                .env("LD_LIBRARY_PATH", case.folder.path())
+                .arg(case.at("model.sgpr")));
         }
     }
 }
 
 #[test]
 fn the_header_is_that_of_the_source() {
-    let options = cbindgen::Config::from_file(format!("{HERE}/cbindgen.toml")).expect("the options");
+    let options =
+        cbindgen::Config::from_file(format!("{HERE}/cbindgen.toml")).expect("the options");
     let mut made = Vec::new();
     cbindgen::Builder::new()
         .with_src(format!("{HERE}/src/lib.rs"))
@@ -343,20 +386,27 @@ fn the_header_is_that_of_the_source() {
     let made = String::from_utf8(made).expect("UTF-8");
     assert!(
         fs::read_to_string(&path).expect("the header") == made,
-        "the header is not that of the source: SGPR_WRITE_HEADER=1 cargo test --package sgpr-c --test from_c header"
+        "the header is not that of the source: SGPR_WRITE_HEADER=1 cargo test --package sgpr-c \
+         --test from_c header"
     );
 }
 
 #[test]
 fn the_library_shows_what_the_header_declares_and_nothing_else() {
     let header = fs::read_to_string(format!("{HERE}/include/sgpr.h")).expect("the header");
-    let named = |line: &str| line.split_once('(')?.0.rsplit([' ', '*']).next().map(ToString::to_string);
+    let named =
+        |line: &str| line.split_once('(')?.0.rsplit([' ', '*']).next().map(ToString::to_string);
     let outside = header.lines().filter(|line| !line.starts_with([' ', '/', '#']));
-    let declared: BTreeSet<String> = outside.filter_map(named).filter(|name| name.starts_with("sgpr_")).collect();
+    let declared: BTreeSet<String> =
+        outside.filter_map(named).filter(|name| name.starts_with("sgpr_")).collect();
     assert!(declared.len() > 10, "{declared:?}");
-    let output = run(Command::new("nm").args(["-D", "--defined-only"]).arg(library().join("libsgpr.so")));
+    let output =
+        run(Command::new("nm").args(["-D", "--defined-only"]).arg(library().join("libsgpr.so")));
     let text = String::from_utf8(output.stdout).expect("names");
-    let shown: BTreeSet<String> =
-        text.lines().filter_map(|line| line.split_whitespace().last()).map(ToString::to_string).collect();
+    let shown: BTreeSet<String> = text
+        .lines()
+        .filter_map(|line| line.split_whitespace().last())
+        .map(ToString::to_string)
+        .collect();
     assert_eq!(declared, shown);
 }

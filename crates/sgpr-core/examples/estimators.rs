@@ -1,22 +1,24 @@
-//! Estimators against each other on simulated logs: bias, spread, and whether their intervals hold what they say.
+//! Estimators against each other on simulated logs: bias, spread, and whether their intervals hold
+//! what they say.
 //!
 //! ```text
 //! cargo run --release --package sgpr-core --example estimators -- 100
 //! cargo run --release --package sgpr-core --example estimators -- 20 IV
 //! ```
 //!
-//! The first number is that of experiments; a word after it leaves only estimators whose name contains it. The two-link arm
-//! with friction and rotors follows a reference under a PD controller. Its logs are spoilt in four ways and go through the
-//! whole pipeline, filters and derivatives included. Experiments run on all cores, each with noise of its own seed. The
-//! table is Markdown.
+//! The first number is that of experiments; a word after it leaves only estimators whose name
+//! contains it. The two-link arm with friction and rotors follows a reference under a PD
+//! controller. Its logs are spoilt in four ways and go through the whole pipeline, filters and
+//! derivatives included. Experiments run on all cores, each with noise of its own seed. The table
+//! is Markdown.
 
 use std::error::Error;
 use std::time::Instant;
 
 use rayon::prelude::*;
 use sgpr_core::identification::{
-    BaseParameters, ClosedLoop, EstimatorNeeds, INSTRUMENTAL_VARIABLES, IRLS, Method, OUTPUT_ERROR, ParameterSet,
-    RECURSIVE, RIDGE, SimulatedMotion, TOTAL_LEAST_SQUARES,
+    BaseParameters, ClosedLoop, EstimatorNeeds, INSTRUMENTAL_VARIABLES, IRLS, Method, OUTPUT_ERROR,
+    ParameterSet, RECURSIVE, RIDGE, SimulatedMotion, TOTAL_LEAST_SQUARES,
 };
 use sgpr_core::model::{Controller, Fit, IdentifyOptions, Uncertainty, identify};
 use sgpr_core::recording::Recording;
@@ -32,7 +34,8 @@ struct Scenario {
     title: &'static str,
     /// Standard deviation of the position's noise, rad.
     position: f64,
-    /// Standard deviation of the torque's noise, N·m, and how much of it remains from sample to sample.
+    /// Standard deviation of the torque's noise, N·m, and how much of it remains from sample to
+    /// sample.
     torque: f64,
     memory: f64,
     /// Share of torques that are wrong by twenty standard deviations.
@@ -95,11 +98,17 @@ fn main() -> Result<(), Box<dyn Error>> {
     println!("{runs} experiments of {} s each.", SAMPLES as f64 / RATE_HZ);
     for scenario in &SCENARIOS {
         println!("\n### {}\n", scenario.title);
-        println!("| estimator | bias % | spread % | 95 % intervals cover % |\n| --- | ---: | ---: | ---: |");
-        for (name, method, uncertainty) in methods.iter().filter(|(name, ..)| name.contains(&word)) {
+        println!(
+            "| estimator | bias % | spread % | 95 % intervals cover % |\n| --- | ---: | ---: | ---: |"
+        );
+        for (name, method, uncertainty) in methods.iter().filter(|(name, ..)| name.contains(&word))
+        {
             let start = Instant::now();
             let score = arm.score(scenario, method, *uncertainty, runs)?;
-            println!("| {name} | {:.2} | {:.2} | {:.1} |", score.bias, score.spread, score.coverage);
+            println!(
+                "| {name} | {:.2} | {:.2} | {:.1} |",
+                score.bias, score.spread, score.coverage
+            );
             eprintln!("{name}: {:.1} s", start.elapsed().as_secs_f64());
         }
     }
@@ -131,7 +140,8 @@ impl Arm {
         let (kp, kd) = GAINS;
         let closed_loop = ClosedLoop::new(reference.samples(), &kp, &kd, RATE_HZ).with_steps(10);
         let set = set.with_sticking_joints();
-        let motion = closed_loop.simulate(&real, &set, &parameters, &reference.q[..2], &reference.dq[..2]);
+        let motion =
+            closed_loop.simulate(&real, &set, &parameters, &reference.q[..2], &reference.dq[..2]);
         let cad: Vec<f64> = real.standard_parameters().iter().map(|value| 1.1 * value).collect();
         Self {
             truth: BaseParameters::new(&real, &set).combine(&parameters),
@@ -160,15 +170,20 @@ impl Arm {
             options.controller = Some(Controller { kp: GAINS.0.to_vec(), kd: GAINS.1.to_vec() });
         }
         let experiment = |run: usize| -> Result<Fit, String> {
-            let log = self.spoilt(scenario, &mut Noise::of_run(run)).map_err(|error| error.to_string())?;
-            let (model, _) = identify(&self.robot, &[log], &options, &()).map_err(|error| error.to_string())?;
+            let log = self
+                .spoilt(scenario, &mut Noise::of_run(run))
+                .map_err(|error| error.to_string())?;
+            let (model, _) =
+                identify(&self.robot, &[log], &options, &()).map_err(|error| error.to_string())?;
             Ok(model.fit().expect("identified").clone())
         };
         let fits: Vec<Fit> = (0..runs).into_par_iter().map(experiment).collect::<Result<_, _>>()?;
         let mut estimates: Vec<Vec<f64>> = Vec::new();
         let (mut covered, mut intervals) = (0, 0);
         for fit in fits {
-            for ((value, truth), deviation) in fit.values.iter().zip(&self.truth).zip(&fit.standard_deviations) {
+            for ((value, truth), deviation) in
+                fit.values.iter().zip(&self.truth).zip(&fit.standard_deviations)
+            {
                 covered += usize::from((value - truth).abs() < 1.96 * deviation);
                 intervals += 1;
             }
@@ -177,7 +192,8 @@ impl Arm {
         let (mut bias, mut spread, mut count) = (0.0, 0.0, 0.0);
         for (k, truth) in self.truth.iter().enumerate().filter(|(_, truth)| truth.abs() > 1e-9) {
             let mean = estimates.iter().map(|values| values[k]).sum::<f64>() / runs as f64;
-            let variance = estimates.iter().map(|values| (values[k] - mean).powi(2)).sum::<f64>() / runs as f64;
+            let variance = estimates.iter().map(|values| (values[k] - mean).powi(2)).sum::<f64>()
+                / runs as f64;
             bias += (mean / truth - 1.0).powi(2);
             spread += variance / truth.powi(2);
             count += 1.0;
@@ -188,7 +204,8 @@ impl Arm {
     }
 
     fn spoilt(&self, scenario: &Scenario, random: &mut Noise) -> Result<Recording, Box<dyn Error>> {
-        let q: Vec<f64> = self.motion.q.iter().map(|q| q + scenario.position * random.normal()).collect();
+        let q: Vec<f64> =
+            self.motion.q.iter().map(|q| q + scenario.position * random.normal()).collect();
         let fresh = (1.0 - scenario.memory * scenario.memory).sqrt();
         let mut state = [0.0; 2];
         let mut tau = self.motion.tau.clone();
@@ -197,7 +214,8 @@ impl Arm {
                 *state = scenario.memory * *state + fresh * scenario.torque * random.normal();
                 *tau += *state;
                 if random.uniform() < scenario.outliers {
-                    *tau += 20.0 * scenario.torque * if random.uniform() < 0.7 { 1.0 } else { -1.0 };
+                    *tau +=
+                        20.0 * scenario.torque * if random.uniform() < 0.7 { 1.0 } else { -1.0 };
                 }
             }
         }

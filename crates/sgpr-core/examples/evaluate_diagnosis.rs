@@ -54,8 +54,12 @@ impl Totals {
     fn print(&mut self) {
         let mean = |v: &[f64]| v.iter().sum::<f64>() / v.len().max(1) as f64;
         self.closures.sort_by(f64::total_cmp);
-        let quantile = |v: &[f64], p: f64| v.get(((v.len() as f64 - 1.0) * p).round() as usize).copied();
-        println!("first finding right on detectable singles: {}/{}", self.first_right, self.singles);
+        let quantile =
+            |v: &[f64], p: f64| v.get(((v.len() as f64 - 1.0) * p).round() as usize).copied();
+        println!(
+            "first finding right on detectable singles: {}/{}",
+            self.first_right, self.singles
+        );
         println!("F1 over (effect, joint): {:.3}", mean(&self.f1));
         println!("clean and silent: {}/{}", self.clean_right, self.clean);
         println!("false findings per case: {:.2}", self.extras / self.cases);
@@ -66,19 +70,30 @@ impl Totals {
             quantile(&self.closures, 0.1),
             self.closures.first()
         );
-        let brier = self.calibration.iter().map(|(p, right)| (p - f64::from(u8::from(*right))).powi(2));
+        let brier =
+            self.calibration.iter().map(|(p, right)| (p - f64::from(u8::from(*right))).powi(2));
         println!("Brier score of the findings: {:.3}", mean(&brier.collect::<Vec<_>>()));
         self.seconds.sort_by(f64::total_cmp);
-        println!("seconds: median {:.2?}, worst {:.2?}", quantile(&self.seconds, 0.5), self.seconds.last());
+        println!(
+            "seconds: median {:.2?}, worst {:.2?}",
+            quantile(&self.seconds, 0.5),
+            self.seconds.last()
+        );
     }
 }
 
 fn strings(value: &serde_json::Value) -> Vec<String> {
-    value.as_array().map(|a| a.iter().filter_map(|v| Some(v.as_str()?.to_string())).collect()).unwrap_or_default()
+    value
+        .as_array()
+        .map(|a| a.iter().filter_map(|v| Some(v.as_str()?.to_string())).collect())
+        .unwrap_or_default()
 }
 
 fn numbers(value: &serde_json::Value) -> Vec<f64> {
-    value.as_array().map(|a| a.iter().filter_map(serde_json::Value::as_f64).collect()).unwrap_or_default()
+    value
+        .as_array()
+        .map(|a| a.iter().filter_map(serde_json::Value::as_f64).collect())
+        .unwrap_or_default()
 }
 
 fn run(folder: &Path, case: &str, totals: &mut Totals) -> Result<(), Failure> {
@@ -89,7 +104,8 @@ fn run(folder: &Path, case: &str, totals: &mut Totals) -> Result<(), Failure> {
     let info = json(&at.join("case.json"))?;
     let answer = json(&folder.join("answers").join(format!("{case}.json")))?;
     let robot = Robot::from_urdf(at.join("robot.urdf"), &UrdfOptions::default())?;
-    let columns = csv::ReadOptions::default().with_joints(Some(robot.joint_names().map(String::from).collect()));
+    let columns = csv::ReadOptions::default()
+        .with_joints(Some(robot.joint_names().map(String::from).collect()));
     let read = |names: &serde_json::Value| -> Result<Vec<Recording>, Failure> {
         strings(names).iter().map(|name| Ok(csv::read(at.join(name), &columns)?)).collect()
     };
@@ -102,16 +118,22 @@ fn run(folder: &Path, case: &str, totals: &mut Totals) -> Result<(), Failure> {
     let seconds = clock.elapsed().as_secs_f64();
 
     let names: Vec<String> = robot.joint_names().map(String::from).collect();
-    let whole_arm = ["payload_change", "base_tilt", "torque_delay", "external_contact", "link_length_error"];
+    let whole_arm =
+        ["payload_change", "base_tilt", "torque_delay", "external_contact", "link_length_error"];
     let truth: Vec<(String, String)> = answer["hidden"]
         .as_array()
         .into_iter()
         .flatten()
         .map(|hidden| {
             let effect = hidden["effect"].as_str().unwrap_or_default().to_string();
-            let joint =
-                hidden["joint"].as_u64().map(|j| names[j as usize].clone()).filter(|_| !whole_arm.contains(&&*effect));
-            (effect.replace("asymmetric_coulomb_friction", "torque_offset"), joint.unwrap_or_default())
+            let joint = hidden["joint"]
+                .as_u64()
+                .map(|j| names[j as usize].clone())
+                .filter(|_| !whole_arm.contains(&&*effect));
+            (
+                effect.replace("asymmetric_coulomb_friction", "torque_offset"),
+                joint.unwrap_or_default(),
+            )
         })
         .collect();
     let found: Vec<(String, String, f64)> = diagnosis
@@ -125,15 +147,20 @@ fn run(folder: &Path, case: &str, totals: &mut Totals) -> Result<(), Failure> {
         .collect();
     let after = errors(&diagnosis.after, &test)?;
     let before = errors(&model, &test)?;
-    let (noise, base, oracle) =
-        (numbers(&answer["noise_rmse"]), numbers(&answer["base_rmse"]), numbers(&answer["oracle_rmse"]));
+    let (noise, base, oracle) = (
+        numbers(&answer["noise_rmse"]),
+        numbers(&answer["base_rmse"]),
+        numbers(&answer["oracle_rmse"]),
+    );
     let transform = base == oracle && !truth.is_empty();
     let floor = if transform { noise.clone() } else { oracle.clone() };
     let weight: Vec<f64> = noise.iter().map(|n| 1.0 / n).collect();
-    let excess = |e: &[f64]| e.iter().zip(&floor).zip(&weight).map(|((e, f), w)| (e - f) * w).sum::<f64>();
+    let excess =
+        |e: &[f64]| e.iter().zip(&floor).zip(&weight).map(|((e, f), w)| (e - f) * w).sum::<f64>();
     let detectable = before.iter().zip(&floor).zip(&noise).any(|((b, f), n)| b - f > 0.05 * n);
     let closure = excess_ratio(excess(&before), excess(&after));
-    let hits = found.iter().filter(|(e, j, _)| truth.iter().any(|(te, tj)| te == e && tj == j)).count();
+    let hits =
+        found.iter().filter(|(e, j, _)| truth.iter().any(|(te, tj)| te == e && tj == j)).count();
     let false_effects: Vec<&(String, String, f64)> =
         found.iter().filter(|(e, j, _)| !truth.iter().any(|(te, tj)| te == e && tj == j)).collect();
     let unknown = truth.iter().any(|(effect, _)| effect.starts_with("unknown"));
@@ -162,9 +189,13 @@ fn run(folder: &Path, case: &str, totals: &mut Totals) -> Result<(), Failure> {
         }
     }
     let show = |list: &[(String, String)]| {
-        list.iter().map(|(e, j)| format!("{e}@{}", j.trim_start_matches("joint_"))).collect::<Vec<_>>().join(" ")
+        list.iter()
+            .map(|(e, j)| format!("{e}@{}", j.trim_start_matches("joint_")))
+            .collect::<Vec<_>>()
+            .join(" ")
     };
-    let found_list: Vec<(String, String)> = found.iter().map(|(e, j, _)| (e.clone(), j.clone())).collect();
+    let found_list: Vec<(String, String)> =
+        found.iter().map(|(e, j, _)| (e.clone(), j.clone())).collect();
     let mark = if truth.is_empty() || unknown {
         ' '
     } else if first_right {
@@ -173,7 +204,8 @@ fn run(folder: &Path, case: &str, totals: &mut Totals) -> Result<(), Failure> {
         '-'
     };
     println!(
-        "{mark} {case} {:?} truth [{}] found [{}] {} false, closure {closure:.2}{}, unseen {:.2} to {:.2} %, {seconds:.1} s",
+        "{mark} {case} {:?} truth [{}] found [{}] {} false, closure {closure:.2}{}, unseen {:.2} \
+         to {:.2} %, {seconds:.1} s",
         diagnosis.verdict,
         show(&truth),
         show(&found_list),
@@ -216,14 +248,19 @@ impl Progress for Stages {
 impl Stages {
     fn print(&self) {
         let all = self.0.lock().expect("nobody panics while holding it");
-        let list: Vec<String> = all.iter().map(|(stage, seconds, _)| format!("{stage} {seconds:.1}")).collect();
+        let list: Vec<String> =
+            all.iter().map(|(stage, seconds, _)| format!("{stage} {seconds:.1}")).collect();
         let rest = all.last().map_or(0.0, |(_, _, at)| at.elapsed().as_secs_f64());
         println!("    seconds: {}, then {rest:.1}", list.join(", "));
     }
 }
 
 /// Error on the test logs in percent of the torque, both as `model` processes them.
-fn unseen_percent(model: &TorqueModel, judged: &TorqueModel, test: &[Recording]) -> Result<f64, Failure> {
+fn unseen_percent(
+    model: &TorqueModel,
+    judged: &TorqueModel,
+    test: &[Recording],
+) -> Result<f64, Failure> {
     Ok(compare(judged, test, model.processing())?.relative_error_percent)
 }
 
@@ -232,10 +269,14 @@ fn excess_ratio(before: f64, after: f64) -> f64 {
 }
 
 fn describe(diagnosis: &Diagnosis, before: &[f64], after: &[f64], floor: &[f64], noise: &[f64]) {
-    println!("    before {before:.3?}\n    after  {after:.3?}\n    floor  {floor:.3?}\n    noise  {noise:.3?}");
+    println!(
+        "    before {before:.3?}\n    after  {after:.3?}\n    floor  {floor:.3?}\n    noise  {noise:.3?}"
+    );
     println!(
         "    nothing {:.2} unexplained {:.2} {:?}",
-        diagnosis.probability_nothing_missing, diagnosis.probability_unexplained, diagnosis.unexplained
+        diagnosis.probability_nothing_missing,
+        diagnosis.probability_unexplained,
+        diagnosis.unexplained
     );
     for f in &diagnosis.findings {
         let parameters: Vec<String> = f

@@ -14,7 +14,9 @@ use sgpr_core::recording::{Recording, csv, inspect};
 use sgpr_core::robot::{Robot, UrdfOptions};
 
 fn main() -> Result<(), Box<dyn Error>> {
-    let folder = std::env::args().nth(1).ok_or("name the folder of robot.urdf and its logs, such as data/demo")?;
+    let folder = std::env::args()
+        .nth(1)
+        .ok_or("name the folder of robot.urdf and its logs, such as data/demo")?;
     let data = Path::new(&folder);
     let robot = Robot::from_urdf(data.join("robot.urdf"), &UrdfOptions::default())?;
     let read = |name: &str| csv::read(data.join(name), &csv::ReadOptions::default());
@@ -25,13 +27,17 @@ fn main() -> Result<(), Box<dyn Error>> {
         println!("{}", issue.message);
     }
 
-    let effects = ["viscous_friction", "coulomb_friction", "rotor_inertia"].map(String::from).to_vec();
+    let effects =
+        ["viscous_friction", "coulomb_friction", "rotor_inertia"].map(String::from).to_vec();
     let options = IdentifyOptions::default().with_effects(effects);
     let (model, report) = identify(&robot, &train, &options, &())?;
     report.warnings.iter().for_each(|warning| println!("{warning}"));
     for parameter in model.base_parameters().iter().take(5) {
         let deviation = parameter.standard_deviation.unwrap_or(f64::NAN);
-        println!("{:<14} {:9.4} ± {deviation:.4} {}", parameter.name, parameter.value, parameter.unit);
+        println!(
+            "{:<14} {:9.4} ± {deviation:.4} {}",
+            parameter.name, parameter.value, parameter.unit
+        );
     }
 
     // On a log that the fit has not seen: the robot file against the identified model.

@@ -30,12 +30,23 @@ fn read(path: &Path) -> Result<Recording, RecordingError> {
 }
 
 fn describe(recording: &Recording) {
-    let rate = recording.sample_rate_hz().map_or("unknown rate".into(), |rate| format!("{rate:.2} Hz"));
-    println!("{}: {} samples in {:.3} s, {rate}", recording.source(), recording.len(), recording.duration());
+    let rate =
+        recording.sample_rate_hz().map_or("unknown rate".into(), |rate| format!("{rate:.2} Hz"));
+    println!(
+        "{}: {} samples in {:.3} s, {rate}",
+        recording.source(),
+        recording.len(),
+        recording.duration()
+    );
     println!("  joints: {}", recording.joint_names().join(", "));
     let logged = |present: bool| if present { "logged" } else { "not logged" };
-    println!("  velocity {}, torque {}", logged(recording.velocity().is_some()), logged(recording.torque().is_some()));
-    let channels: Vec<&str> = recording.channels().iter().map(|channel| channel.name.as_str()).collect();
+    println!(
+        "  velocity {}, torque {}",
+        logged(recording.velocity().is_some()),
+        logged(recording.torque().is_some())
+    );
+    let channels: Vec<&str> =
+        recording.channels().iter().map(|channel| channel.name.as_str()).collect();
     if !channels.is_empty() {
         println!("  channels: {}", channels.join(", "));
     }

@@ -3,8 +3,8 @@
 use crate::diagnosis::{DiagnosisOptions, diagnose};
 use crate::dynamics::Samples;
 use crate::model::{
-    IdentifyOptions, SemiParametricOptions, TorqueModel, compare, cutoff_influence, fit_rest, fit_semi_parametric,
-    identify, screen,
+    IdentifyOptions, SemiParametricOptions, TorqueModel, compare, cutoff_influence, fit_rest,
+    fit_semi_parametric, identify, screen,
 };
 use crate::motion::times_conditioned;
 use crate::recording::{LogSet, Recording};
@@ -28,7 +28,8 @@ fn log(robot: &Robot, source: &str, seed: u64) -> Recording {
             for wave in 1..4 {
                 let w = 1.1 * wave as f64 + 0.37 * (joint + seed as usize) as f64;
                 let (sine, cosine) = (w * time).sin_cos();
-                (at, speed, change) = (at + 0.4 * sine, speed + 0.4 * w * cosine, change - 0.4 * w * w * sine);
+                (at, speed, change) =
+                    (at + 0.4 * sine, speed + 0.4 * w * cosine, change - 0.4 * w * w * sine);
             }
             q.push(at);
             dq.push(speed);
@@ -72,9 +73,11 @@ fn a_diagnosis_conditions_a_log_once_for_each_processing() {
     let (robot, sources) = (two_link(), ["diagnose one", "diagnose two", "diagnose unseen"]);
     let [one, two, unseen] = [0, 1, 2].map(|k| log(&robot, sources[k], k as u64));
     let (train, test) = (LogSet::whole(&[one, two]), LogSet::new(&[unseen]));
-    let options = IdentifyOptions { effects: vec!["viscous_friction".into()], ..IdentifyOptions::default() };
+    let options =
+        IdentifyOptions { effects: vec!["viscous_friction".into()], ..IdentifyOptions::default() };
     let (model, _) = identify(&robot, &train, &options, &()).expect("good logs");
-    let found = diagnose(&model, &train, &test, &DiagnosisOptions::default(), &()).expect("good logs");
+    let found =
+        diagnose(&model, &train, &test, &DiagnosisOptions::default(), &()).expect("good logs");
     assert!(!found.findings.is_empty());
     compare(&model, &test, model.processing()).expect("good logs");
     compare(&found.after, &test, None).expect("good logs");

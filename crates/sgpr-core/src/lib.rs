@@ -1,11 +1,13 @@
-//! Torque models of robot arms: from a robot file and recorded logs to an identified model, with what is missing named.
+//! Torque models of robot arms: from a robot file and recorded logs to an identified model, with
+//! what is missing named.
 //!
 //! The rooms, in the order in which they build on each other:
 //!
 //! - [`spatial`], [`simd`]: vectors, poses, inertias; arithmetic for one sample and for many
 //! - [`robot`]: URDF and Denavit-Hartenberg robots
 //! - [`dynamics`]: inverse and forward dynamics, regressor, mass matrix, kinematics
-//! - [`recording`]: logs in CSV and MCAP files: reading, checking, repairing, writing (`sgpr-recording`)
+//! - [`recording`]: logs in CSV and MCAP files: reading, checking, repairing, writing
+//!   (`sgpr-recording`)
 //! - [`signal`]: filters, derivatives, spectra
 //! - [`motion`]: from a log to filtered position, velocity and acceleration
 //! - [`expression`]: arithmetic that is recorded, for code in other languages
@@ -58,4 +60,6 @@ pub mod recording {
 use sgpr_numeric::internal::{intervals, memory};
 pub use sgpr_numeric::{progress, threads};
 use sgpr_predict::internal::{atomic_file, limited_file};
-pub use sgpr_predict::{control, dynamics, effects, expression, names, robot, signal, simd, spatial};
+pub use sgpr_predict::{
+    control, dynamics, effects, expression, names, robot, signal, simd, spatial,
+};

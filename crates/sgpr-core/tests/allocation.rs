@@ -11,14 +11,17 @@ use std::hint::black_box;
 use cap::Cap;
 use common::{ROBOTS, Reference, data};
 use sgpr_core::dynamics::{
-    BatchWorkspace, Samples, Workspace, bias_forces, forward_dynamics, forward_dynamics_with_rotors,
-    forward_kinematics, frame_pose, gravity_torque, jacobian, kinetic_energy, mass_matrix, potential_energy, regressor,
-    regressor_batch, rnea, rnea_batch,
+    BatchWorkspace, Samples, Workspace, bias_forces, forward_dynamics,
+    forward_dynamics_with_rotors, forward_kinematics, frame_pose, gravity_torque, jacobian,
+    kinetic_energy, mass_matrix, potential_energy, regressor, regressor_batch, rnea, rnea_batch,
 };
 use sgpr_core::effects::{Entry, Site, by_name, registry};
-use sgpr_core::gp::{Compute, Covariance, Data, GaussianProcess, Kernel, Precision, PredictorOptions, Shape};
+use sgpr_core::gp::{
+    Compute, Covariance, Data, GaussianProcess, Kernel, Precision, PredictorOptions, Shape,
+};
 use sgpr_core::model::{
-    Inputs, Mean, Predictor, Purpose, SemiParametricOptions, StreamOptions, Term, TorqueModel, fit_semi_parametric,
+    Inputs, Mean, Predictor, Purpose, SemiParametricOptions, StreamOptions, Term, TorqueModel,
+    fit_semi_parametric,
 };
 use sgpr_core::recording::csv;
 use sgpr_core::robot::{Robot, UrdfOptions};
@@ -41,7 +44,8 @@ const SAMPLES: usize = 37;
 
 fn check(name: &str, robot: &Robot) {
     let n = robot.dof();
-    let numbers = |scale: f64| (0..SAMPLES * n).map(|k| scale * (k as f64 * 0.7).sin()).collect::<Vec<_>>();
+    let numbers =
+        |scale: f64| (0..SAMPLES * n).map(|k| scale * (k as f64 * 0.7).sin()).collect::<Vec<_>>();
     let (q, dq, ddq, tau) = (numbers(2.0), numbers(1.0), numbers(5.0), numbers(20.0));
     let rotors = vec![0.1; n];
     let frame = robot.frames().last().expect("a frame");
@@ -49,9 +53,11 @@ fn check(name: &str, robot: &Robot) {
     let (mut torque, mut matrix) = (vec![0.0; SAMPLES * n], vec![0.0; SAMPLES * n * 10 * n]);
     let mut ws = Workspace::new(robot);
     let mut batch = BatchWorkspace::new(robot);
-    let of_state: Vec<_> = registry().into_iter().filter(|effect| effect.entry() == Entry::State).collect();
+    let of_state: Vec<_> =
+        registry().into_iter().filter(|effect| effect.entry() == Entry::State).collect();
     let effects: Vec<String> = of_state.iter().map(|effect| effect.name().to_string()).collect();
-    let effect_parameters = of_state.iter().map(|effect| effect.parameters().len() * n).sum::<usize>();
+    let effect_parameters =
+        of_state.iter().map(|effect| effect.parameters().len() * n).sum::<usize>();
     let mut parameters = robot.standard_parameters();
     parameters.extend((0..effect_parameters).map(|k| 0.1 * k as f64));
     let model = TorqueModel::with_parameters(robot, &effects, parameters).expect("known effects");
@@ -61,7 +67,13 @@ fn check(name: &str, robot: &Robot) {
         let taken = bytes_taken(|| {
             for k in 0..SAMPLES {
                 let row = k * n..(k + 1) * n;
-                black_box(call(&mut ws, &q[row.clone()], &dq[row.clone()], &ddq[row.clone()], &tau[row]));
+                black_box(call(
+                    &mut ws,
+                    &q[row.clone()],
+                    &dq[row.clone()],
+                    &ddq[row.clone()],
+                    &tau[row],
+                ));
             }
         });
         assert_eq!(taken, 0, "{name}: {what} takes memory");
@@ -75,7 +87,9 @@ fn check(name: &str, robot: &Robot) {
     none("forward_dynamics_with_rotors", &mut |ws, q, dq, _, tau| {
         forward_dynamics_with_rotors(robot, ws, q, dq, tau, &rotors)[0]
     });
-    none("forward_kinematics", &mut |ws, q, _, _, _| forward_kinematics(robot, ws, q)[0].translation.x);
+    none("forward_kinematics", &mut |ws, q, _, _, _| {
+        forward_kinematics(robot, ws, q)[0].translation.x
+    });
     none("frame_pose", &mut |ws, q, _, _, _| frame_pose(robot, ws, q, frame).translation.x);
     none("jacobian", &mut |ws, q, _, _, _| jacobian(robot, ws, q, frame)[0]);
     none("kinetic_energy", &mut |ws, q, dq, _, _| kinetic_energy(robot, ws, q, dq));
@@ -113,25 +127,38 @@ fn check_findings() {
         term("torque_ripple", Site::Joint(4), &[30.0]),
     ];
     // Every effect of the library at once, and all transforms.
-    let every = registry().into_iter().filter(|effect| effect.entry() != Entry::Gate).map(|effect| {
-        let site = effect.sites(&robot)[0];
-        let constants: Vec<f64> = effect.constants().iter().map(|c| c.low.max(0.01).min(c.high)).collect();
-        let mut term = Term::new(effect, site, constants);
-        term.coefficients.fill(0.3);
-        term
-    });
+    let every =
+        registry().into_iter().filter(|effect| effect.entry() != Entry::Gate).map(|effect| {
+            let site = effect.sites(&robot)[0];
+            let constants: Vec<f64> =
+                effect.constants().iter().map(|c| c.low.max(0.01).min(c.high)).collect();
+            let mut term = Term::new(effect, site, constants);
+            term.coefficients.fill(0.3);
+            term
+        });
     for (name, terms) in [("five findings", usual), ("every effect", every.collect())] {
         let model = TorqueModel::nominal(&robot).with_terms(terms, Some(0));
         for purpose in Purpose::ALL {
-            let options = StreamOptions::default().with_rate_hz(Some(1000.0)).with_purpose(purpose).with_keep(vec![]);
+            let options = StreamOptions::default()
+                .with_rate_hz(Some(1000.0))
+                .with_purpose(purpose)
+                .with_keep(vec![]);
             let mut predictor = model.predictor(&options).expect("streams");
             predictor.set_temperature(&vec![40.0; n]).expect("finite");
             let taken = bytes_taken(|| {
                 predictor.reset_at(&[0.1; 7], &[0.0; 7]).expect("finite");
                 for k in 0..SAMPLES {
                     let sample = [0.1 + 0.003 * k as f64; 7];
-                    assert!(predictor.torque(&sample, &sample, &sample).iter().all(|tau| tau.is_finite()), "{name}");
-                    black_box(predictor.torque_after(0.0013, &sample, &sample, &sample).expect("good")[0]);
+                    assert!(
+                        predictor
+                            .torque(&sample, &sample, &sample)
+                            .iter()
+                            .all(|tau| tau.is_finite()),
+                        "{name}"
+                    );
+                    black_box(
+                        predictor.torque_after(0.0013, &sample, &sample, &sample).expect("good")[0],
+                    );
                 }
                 predictor.reset();
             });
@@ -147,14 +174,23 @@ fn process(compact: bool) -> GaussianProcess {
     let smooth = Kernel::ard(Shape::SquaredExponential, &[1.0; 4]);
     // A compact predictor has no periodic inputs.
     let smooth = if compact { smooth } else { smooth.with_period(0, 2.0) };
-    let kernel = smooth.scaled(1.0).plus(Kernel::isotropic(Shape::RationalQuadratic { mixture: 1.0 }, 4, 2.0));
+    let kernel = smooth.scaled(1.0).plus(Kernel::isotropic(
+        Shape::RationalQuadratic { mixture: 1.0 },
+        4,
+        2.0,
+    ));
     let data = Data::new(x, 4, y, 3).expect("good data");
-    GaussianProcess::fit(data, Covariance::new(kernel, 0.1), &Compute::default()).expect("good data")
+    GaussianProcess::fit(data, Covariance::new(kernel, 0.1), &Compute::default())
+        .expect("good data")
 }
 
 /// Precisions, compact and not.
-const PRECISIONS: [(Precision, bool); 4] =
-    [(Precision::Double, false), (Precision::Single, false), (Precision::Double, true), (Precision::Single, true)];
+const PRECISIONS: [(Precision, bool); 4] = [
+    (Precision::Double, false),
+    (Precision::Single, false),
+    (Precision::Double, true),
+    (Precision::Single, true),
+];
 
 fn check_processes() {
     fn sendable(_: &impl Send) {}
@@ -183,10 +219,14 @@ fn check_processes() {
 
 /// The arm of the demo with small processes, each joint its own or all one kernel.
 fn check_semi_parametric() {
-    let robot = Robot::from_urdf(data("demo/robot.urdf"), &UrdfOptions::default()).expect("bundled");
+    let robot =
+        Robot::from_urdf(data("demo/robot.urdf"), &UrdfOptions::default()).expect("bundled");
     let log = csv::read(data("demo/train_1.csv.gz"), &Default::default()).expect("bundled");
-    let kinds = [(false, Mean::Physics), (true, Mean::Physics), (false, Mean::Joint), (true, Mean::Joint)];
-    for ((shared, mean), sparse) in kinds.into_iter().flat_map(|kind| [(kind, Some(false)), (kind, Some(true))]) {
+    let kinds =
+        [(false, Mean::Physics), (true, Mean::Physics), (false, Mean::Joint), (true, Mean::Joint)];
+    for ((shared, mean), sparse) in
+        kinds.into_iter().flat_map(|kind| [(kind, Some(false)), (kind, Some(true))])
+    {
         let options = SemiParametricOptions::default()
             .with_shared(shared)
             .with_mean(mean)
@@ -194,20 +234,24 @@ fn check_semi_parametric() {
             .with_inputs(Some(Inputs::Velocities))
             .with_points(40)
             .with_evaluations(5);
-        let model = fit_semi_parametric(&robot, std::slice::from_ref(&log), &options, &()).expect("a good log");
+        let model = fit_semi_parametric(&robot, std::slice::from_ref(&log), &options, &())
+            .expect("a good log");
         for (precision, compact) in PRECISIONS {
             for variance_rank in [None, Some(0), Some(20)] {
                 let options = PredictorOptions::default()
                     .with_precision(precision)
                     .with_variance_rank(variance_rank)
                     .with_compact(compact);
-                let mut predictor = model.predictor(options, &StreamOptions::default()).expect("small");
+                let mut predictor =
+                    model.predictor(options, &StreamOptions::default()).expect("small");
                 let taken = bytes_taken(|| {
                     for k in 0..SAMPLES {
                         let q = [0.1 * k as f64, 0.3, -0.2, 0.7, 0.0, 0.1];
                         black_box(predictor.torque(&q, &q, &q)[2]);
                         if variance_rank != Some(0) {
-                            black_box(predictor.torque_and_deviation(&q, &q, &q).expect("finite").1[2]);
+                            black_box(
+                                predictor.torque_and_deviation(&q, &q, &q).expect("finite").1[2],
+                            );
                         }
                     }
                 });

@@ -6,7 +6,8 @@ mod noise;
 
 use noise::Noise;
 use sgpr_core::control::{
-    Compensation, CompensationOptions, MeasuredMotion, MomentumObserver, ObserverError, ObserverOptions,
+    Compensation, CompensationOptions, MeasuredMotion, MomentumObserver, ObserverError,
+    ObserverOptions,
 };
 use sgpr_core::dynamics::{Workspace, forward_dynamics, gravity_torque, rnea};
 use sgpr_core::effects::{Site, by_name};
@@ -23,18 +24,29 @@ fn model(robot: &Robot) -> TorqueModel {
 #[test]
 fn an_arm_that_is_wanted_to_stand_gets_gravity_and_a_reversal_does_not_jump() {
     let robot = puma560();
-    let mut bristles = Term::new(by_name("presliding_friction").expect("of the library"), Site::Joint(1), vec![0.01]);
+    let mut bristles = Term::new(
+        by_name("presliding_friction").expect("of the library"),
+        Site::Joint(1),
+        vec![0.01],
+    );
     bristles.coefficients = vec![3.0];
     let model = model(&robot).with_terms(vec![bristles], Some(0));
-    let mut compensation = Compensation::new(&model, &CompensationOptions::default()).expect("streams");
+    let mut compensation =
+        Compensation::new(&model, &CompensationOptions::default()).expect("streams");
     let q = [0.3, -0.4, 0.2, 0.9, 0.5, -0.1];
     let mut ws = Workspace::new(&robot);
     let gravity = gravity_torque(&robot, &mut ws, &q).to_vec();
-    let mut of_speed = |speed: f64| compensation.torque(&q, &[0.0, speed, 0.0, 0.0, 0.0, 0.0]).expect("finite")[1];
+    let mut of_speed =
+        |speed: f64| compensation.torque(&q, &[0.0, speed, 0.0, 0.0, 0.0, 0.0]).expect("finite")[1];
     assert!((of_speed(0.0) - gravity[1]).abs() < 1e-12);
-    // Share 0.8 of Fc + Fv dq + Dahl's force, in full above the transition, half of it in the middle.
+    // Share 0.8 of Fc + Fv dq + Dahl's force, in full above the transition, half of it in the
+    // middle.
     let friction = |speed: f64| 0.8 * (0.5 * speed + 1.1 + 3.0);
-    assert!((of_speed(0.1) - gravity[1] - friction(0.1)).abs() < 1e-9, "{}", of_speed(0.1) - gravity[1]);
+    assert!(
+        (of_speed(0.1) - gravity[1] - friction(0.1)).abs() < 1e-9,
+        "{}",
+        of_speed(0.1) - gravity[1]
+    );
     assert!((of_speed(-0.1) - gravity[1] + friction(0.1)).abs() < 1e-9);
     assert!((of_speed(0.01) - gravity[1] - 0.5 * friction(0.01)).abs() < 1e-9);
     let mut last = of_speed(-0.05);
@@ -54,17 +66,22 @@ fn an_arm_that_is_wanted_to_stand_gets_gravity_and_a_reversal_does_not_jump() {
     ] {
         assert!(Compensation::new(&model, &wrong).is_err());
     }
-    assert!(limited.torque(&q, &[f64::NAN; 6]).is_err() && limited.torque(&q[1..], &[0.0; 6]).is_err());
+    assert!(
+        limited.torque(&q, &[f64::NAN; 6]).is_err() && limited.torque(&q[1..], &[0.0; 6]).is_err()
+    );
 }
 
-/// An arm under gravity without friction, moved by a torque of the drives and one from outside, by small steps; what the
-/// observer says at the end of each period.
+/// An arm under gravity without friction, moved by a torque of the drives and one from outside, by
+/// small steps; what the observer says at the end of each period.
 fn observed(robot: &Robot, outside: impl Fn(f64) -> Vec<f64>, seconds: f64) -> Vec<Vec<f64>> {
     const RATE_HZ: f64 = 500.0;
     const FINE: usize = 20;
     let n = robot.dof();
     let model = TorqueModel::nominal(robot);
-    let options = ObserverOptions::default().with_rate_hz(RATE_HZ).with_bandwidth_hz(5.0).with_deviation(vec![0.1; n]);
+    let options = ObserverOptions::default()
+        .with_rate_hz(RATE_HZ)
+        .with_bandwidth_hz(5.0)
+        .with_deviation(vec![0.1; n]);
     let mut observer = MomentumObserver::new(&model, &options).expect("options");
     let mut ws = Workspace::new(robot);
     let (mut q, mut dq) = (vec![0.3; n], vec![0.0; n]);
@@ -72,7 +89,8 @@ fn observed(robot: &Robot, outside: impl Fn(f64) -> Vec<f64>, seconds: f64) -> V
     for k in 0..(seconds * RATE_HZ) as usize {
         let t = k as f64 / RATE_HZ;
         let gravity = gravity_torque(robot, &mut ws, &q).to_vec();
-        let tau: Vec<f64> = (0..n).map(|j| gravity[j] + 4.0 * (3.0 * t + j as f64).sin() - 0.5 * dq[j]).collect();
+        let tau: Vec<f64> =
+            (0..n).map(|j| gravity[j] + 4.0 * (3.0 * t + j as f64).sin() - 0.5 * dq[j]).collect();
         all.push(observer.update(&q, &dq, &tau).expect("finite").to_vec());
         for fine in 0..FINE {
             let step = 1.0 / (RATE_HZ * FINE as f64);
@@ -121,18 +139,25 @@ fn thresholds_follow_from_the_rate_of_false_alarms() {
     let mut observer = MomentumObserver::new(&model, &options).expect("options");
     assert!(observer.update(&[0.0; 2], &[0.0; 2], &[f64::NAN, 0.0]).is_err());
     assert!(observer.update(&[0.0; 2], &[0.0; 2], &[0.0]).is_err());
-    let error = MomentumObserver::new(&model, &ObserverOptions::default()).expect_err("not identified");
+    let error =
+        MomentumObserver::new(&model, &ObserverOptions::default()).expect_err("not identified");
     assert_eq!(error, ObserverError::NoDeviation);
     let fast = options.clone().with_bandwidth_hz(50.0);
     assert!(matches!(MomentumObserver::new(&model, &fast), Err(ObserverError::TooFast { .. })));
     let none = options.with_false_alarms_per_hour(0.0);
-    assert!(MomentumObserver::new(&model, &none).expect_err("none").to_string().contains("false_alarms_per_hour"));
+    assert!(
+        MomentumObserver::new(&model, &none)
+            .expect_err("none")
+            .to_string()
+            .contains("false_alarms_per_hour")
+    );
 }
 
 const RATE_HZ: f64 = 100.0;
 
-/// A log of two joints that swing slowly: positions, velocities, torques. Errors of the model last for some seconds,
-/// and are of a standard deviation of `moving`, and of as many times that as `rest` at rest, half of it at 0.05 rad/s.
+/// A log of two joints that swing slowly: positions, velocities, torques. Errors of the model last
+/// for some seconds, and are of a standard deviation of `moving`, and of as many times that as
+/// `rest` at rest, half of it at 0.05 rad/s.
 fn swinging(seed: u64, samples: usize, moving: f64, rest: f64) -> [Vec<f64>; 3] {
     let (robot, mut noise) = (two_link(), Noise(seed));
     let mut ws = Workspace::new(&robot);
@@ -140,13 +165,15 @@ fn swinging(seed: u64, samples: usize, moving: f64, rest: f64) -> [Vec<f64>; 3] 
     let (mut error, keep) = ([0.0; 2], 0.99_f64);
     for k in 0..samples {
         let t = k as f64 / RATE_HZ;
-        let swing = |w: f64| [0.6 * (w * t).sin(), 0.6 * w * (w * t).cos(), -0.6 * w * w * (w * t).sin()];
+        let swing =
+            |w: f64| [0.6 * (w * t).sin(), 0.6 * w * (w * t).cos(), -0.6 * w * w * (w * t).sin()];
         let [[q0, dq0, ddq0], [q1, dq1, ddq1]] = [swing(0.7), swing(1.1)];
         let (q, dq) = ([q0, q1], [dq0, dq1]);
         let tau = rnea(&robot, &mut ws, &q, &dq, &[ddq0, ddq1]);
         for joint in 0..2 {
             error[joint] = keep * error[joint] + (1.0 - keep * keep).sqrt() * noise.normal();
-            let deviation = moving * (1.0 + rest * rest / (1.0 + (dq[joint] / 0.05).powi(2))).sqrt();
+            let deviation =
+                moving * (1.0 + rest * rest / (1.0 + (dq[joint] / 0.05).powi(2))).sqrt();
             all_tau.push(tau[joint] + deviation * error[joint]);
         }
         all_q.extend(q);
@@ -175,8 +202,10 @@ fn alarms(observer: &mut MomentumObserver, [q, dq, tau]: &[Vec<f64>; 3]) -> [f64
 #[test]
 fn logs_without_contact_tell_the_errors_of_joints_that_move_and_that_rest() {
     let model = TorqueModel::nominal(&two_link());
-    let options =
-        ObserverOptions::default().with_rate_hz(RATE_HZ).with_false_alarms_per_hour(100.0).with_deviation(vec![0.3; 2]);
+    let options = ObserverOptions::default()
+        .with_rate_hz(RATE_HZ)
+        .with_false_alarms_per_hour(100.0)
+        .with_deviation(vec![0.3; 2]);
     let even = || MomentumObserver::new(&model, &options).expect("options");
     let logs = [swinging(1, 60_000, 0.2, 8.0), swinging(2, 60_000, 0.2, 8.0)];
     let known: Vec<MeasuredMotion<'_>> = logs.iter().map(measured).collect();
@@ -211,7 +240,10 @@ fn logs_that_tell_nothing_are_refused() {
     let log = swinging(1, 200, 0.2, 1.0);
     let good = measured(&log);
     assert!(refused(&[]).contains("got 0 samples"));
-    assert!(refused(&[MeasuredMotion { rate_hz: 94.0, ..good }]).contains("log 0: 94.0 samples per second"));
+    assert!(
+        refused(&[MeasuredMotion { rate_hz: 94.0, ..good }])
+            .contains("log 0: 94.0 samples per second")
+    );
     assert!(refused(&[MeasuredMotion { dq: &log[1][2..], ..good }]).contains("dq"));
     let bad = [&log[2][..399], &[f64::NAN]].concat();
     assert!(refused(&[MeasuredMotion { tau: &bad, ..good }]).contains("tau"));
@@ -219,13 +251,20 @@ fn logs_that_tell_nothing_are_refused() {
     let flat = TorqueModel::nominal(&two_link().with_gravity(sgpr_core::spatial::Vector3::ZERO));
     let observer = MomentumObserver::new(&flat, &options).expect("options");
     let still = MeasuredMotion { q: &zeros, dq: &zeros, tau: &zeros, ..good };
-    assert!(matches!(observer.calibrated(&[still]), Err(ObserverError::FewSamples { found: 200, .. })));
+    assert!(matches!(
+        observer.calibrated(&[still]),
+        Err(ObserverError::FewSamples { found: 200, .. })
+    ));
 }
 
 #[test]
 fn in_32_bits_compensation_and_observer_say_the_same() {
     let robot = puma560();
-    let mut bristles = Term::new(by_name("presliding_friction").expect("of the library"), Site::Joint(1), vec![0.01]);
+    let mut bristles = Term::new(
+        by_name("presliding_friction").expect("of the library"),
+        Site::Joint(1),
+        vec![0.01],
+    );
     bristles.coefficients = vec![3.0];
     let model = model(&robot).with_terms(vec![bristles], Some(0));
     let options = CompensationOptions::default().with_limits(vec![30.0; 6]);
@@ -252,7 +291,9 @@ fn in_32_bits_compensation_and_observer_say_the_same() {
         let tau = double(tau);
         let near = |own: &[f32], expected: &[f64]| {
             let largest = expected.iter().fold(1.0f64, |largest, x| largest.max(x.abs()));
-            own.iter().zip(expected).all(|(own, expected)| (f64::from(*own) - expected).abs() < 2e-5 * largest)
+            own.iter()
+                .zip(expected)
+                .all(|(own, expected)| (f64::from(*own) - expected).abs() < 2e-5 * largest)
         };
         let expected = compensation.torque(&q, &dq).expect("finite");
         let own = single_compensation.torque(&single(&q), &single(&dq)).expect("finite");

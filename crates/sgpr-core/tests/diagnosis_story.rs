@@ -1,4 +1,5 @@
-//! The parts of a diagnosis that tell why: what the error depends on, since when, a formula, what to record next.
+//! The parts of a diagnosis that tell why: what the error depends on, since when, a formula, what
+//! to record next.
 #![allow(missing_docs, clippy::unwrap_used)]
 
 use std::sync::Arc;
@@ -35,7 +36,9 @@ fn waves(seconds: f64, of_joint: [&[(f64, f64, f64)]; 2]) -> Motion {
     for k in 0..(seconds * RATE) as usize {
         let t = k as f64 / RATE;
         for waves in of_joint {
-            let sum = |f: &dyn Fn(f64, f64, f64) -> f64| waves.iter().map(|(a, w, p)| f(*a, *w, *p)).sum::<f64>();
+            let sum = |f: &dyn Fn(f64, f64, f64) -> f64| {
+                waves.iter().map(|(a, w, p)| f(*a, *w, *p)).sum::<f64>()
+            };
             motion[0].push(sum(&|a, w, p| a * (w * t + p).sin()));
             motion[1].push(sum(&|a, w, p| a * w * (w * t + p).cos()));
             motion[2].push(sum(&|a, w, p| -a * w * w * (w * t + p).sin()));
@@ -48,7 +51,8 @@ fn waves(seconds: f64, of_joint: [&[(f64, f64, f64)]; 2]) -> Motion {
 fn rich(seconds: f64, number: usize) -> Motion {
     let turned = |joint: usize| {
         let phase = (joint + 2 * number) as f64;
-        [(0.7, 0.9), (0.4, 2.3), (0.2, 4.1)].map(|(size, pulse)| (size, pulse * (1.0 + 0.13 * phase), phase))
+        [(0.7, 0.9), (0.4, 2.3), (0.2, 4.1)]
+            .map(|(size, pulse)| (size, pulse * (1.0 + 0.13 * phase), phase))
     };
     waves(seconds, [&turned(0), &turned(1)])
 }
@@ -61,12 +65,19 @@ fn log(friction: [f64; 4], terms: &[Term], motion: &Motion, start: f64, seed: u6
     let robot = two_link();
     let mut parameters = robot.standard_parameters();
     parameters.extend(friction);
-    let model = TorqueModel::with_parameters(&robot, &BASE, parameters).unwrap().with_terms(terms.to_vec(), Some(0));
+    let model = TorqueModel::with_parameters(&robot, &BASE, parameters)
+        .unwrap()
+        .with_terms(terms.to_vec(), Some(0));
     let [q, dq, ddq] = motion;
     let time: Vec<f64> = (0..q.len() / 2).map(|k| start + k as f64 / RATE).collect();
-    let trajectory = Trajectory::of_samples(Samples { q, dq, ddq }).with_rate_hz(RATE).with_time(&time);
+    let trajectory =
+        Trajectory::of_samples(Samples { q, dq, ddq }).with_rate_hz(RATE).with_time(&time);
     let mut noise = Noise(12345 + seed);
-    let tau = model.predict_trajectory(&trajectory).into_iter().map(|tau| tau + NOISE * noise.next()).collect();
+    let tau = model
+        .predict_trajectory(&trajectory)
+        .into_iter()
+        .map(|tau| tau + NOISE * noise.next())
+        .collect();
     let q = q.iter().map(|q| q + 1e-6 * noise.next()).collect();
     let stamps = time.iter().map(|t| (t * 1e9).round() as i64).collect();
     let names = robot.joint_names().map(String::from).collect();
@@ -74,7 +85,11 @@ fn log(friction: [f64; 4], terms: &[Term], motion: &Motion, start: f64, seed: u6
 }
 
 fn logs(terms: &[Term]) -> Vec<Recording> {
-    (0..2).map(|number| log(FRICTION, terms, &rich(20.0, number), 20.0 * number as f64, number as u64)).collect()
+    (0..2)
+        .map(|number| {
+            log(FRICTION, terms, &rich(20.0, number), 20.0 * number as f64, number as u64)
+        })
+        .collect()
 }
 
 fn identified(train: &[Recording], effects: &[&str]) -> TorqueModel {
@@ -107,7 +122,11 @@ fn what_the_error_depends_on_is_said() {
     assert_eq!(before.change, None);
     for left in &diagnosis.left {
         assert!(left.whiteness > before.whiteness && !left.has_structure(), "{left:?}");
-        assert!((left.rmse / NOISE - 0.7).abs() < 0.1, "noise in a band of half of all frequencies: {}", left.rmse);
+        assert!(
+            (left.rmse / NOISE - 0.7).abs() < 0.1,
+            "noise in a band of half of all frequencies: {}",
+            left.rmse
+        );
     }
 
     // The same from a comparison with a log that the model has not seen.
@@ -124,7 +143,8 @@ fn a_change_is_dated() {
     let mut term = Term::new(step.clone(), Site::Joint(1), vec![17.0]);
     term.coefficients = vec![0.6; step.parameters().len()];
     let diagnosis = diagnosed(&logs(&[term]), &BASE, &["friction_step"]);
-    let change = of(&diagnosis.structure, "joint_2").change.clone().expect("friction grows at 17 s");
+    let change =
+        of(&diagnosis.structure, "joint_2").change.clone().expect("friction grows at 17 s");
     assert!((change.time - 17.0).abs() < 0.5, "{change:?}");
     assert!(change.interval[0] <= 17.0 && change.interval[1] >= 17.0, "{change:?}");
     assert!(change.probability > 0.99 && change.end.is_none(), "{change:?}");
@@ -154,7 +174,13 @@ impl Effect for Cross {
         Entry::Trajectory
     }
 
-    fn trajectory_columns(&self, site: Site, context: &Context<'_>, _: &[f64], out: &mut [Vec<f64>]) {
+    fn trajectory_columns(
+        &self,
+        site: Site,
+        context: &Context<'_>,
+        _: &[f64],
+        out: &mut [Vec<f64>],
+    ) {
         let joint = site.joint().expect("at a joint");
         let other = context.of_joint(context.dq, 1 - joint);
         for ((out, q), dq) in out[0].iter_mut().zip(context.of_joint(context.q, joint)).zip(other) {
@@ -180,23 +206,36 @@ fn a_formula_is_proposed_for_what_no_effect_explains() {
 
 #[test]
 fn the_proposed_motion_tells_dry_friction_from_viscous() {
-    // Joint 2 swings with one frequency, and its friction is a quarter of the noise: sgn(dq) and dq look alike.
+    // Joint 2 swings with one frequency, and its friction is a quarter of the noise: sgn(dq) and dq
+    // look alike.
     let pair = ["viscous_friction", "coulomb_friction"];
     let swing = waves(14.0, [&[(0.7, 1.1, 0.3), (0.3, 2.9, 1.0)], &[(0.5, 3.0, 0.5)]]);
-    for (truth, friction) in [(pair[0], [0.0, 0.0125, 0.0, 0.0]), (pair[1], [0.0, 0.0, 0.0, 0.0135])] {
+    for (truth, friction) in
+        [(pair[0], [0.0, 0.0125, 0.0, 0.0]), (pair[1], [0.0, 0.0, 0.0, 0.0135])]
+    {
         let train = [log(friction, &[], &swing, 0.0, 3)];
         let diagnosis = diagnosed(&train, &[], &pair);
         assert_eq!(diagnosis.verdict, Verdict::EffectsFound, "{truth}");
-        let [next] = &diagnosis.next_experiment[..] else { panic!("{truth}: {:?}", diagnosis.findings) };
-        assert!(pair.iter().all(|name| next.about.iter().any(|one| one == name)), "{:?}", next.about);
+        let [next] = &diagnosis.next_experiment[..] else {
+            panic!("{truth}: {:?}", diagnosis.findings)
+        };
+        assert!(
+            pair.iter().all(|name| next.about.iter().any(|one| one == name)),
+            "{:?}",
+            next.about
+        );
         assert!(next.separation_now < 12.0 && next.separation_expected > 20.0, "{next:?}");
 
         // Within what the logs show, from rest to rest.
         let motion = diagnosis.next_motion().unwrap();
-        let largest = |values: &[f64]| values.iter().skip(1).step_by(2).map(|x| x.abs()).fold(0.0, f64::max);
-        assert!(largest(&motion.q) < 0.51 && largest(&motion.dq) < 1.52 && largest(&motion.ddq) < 4.6);
+        let largest =
+            |values: &[f64]| values.iter().skip(1).step_by(2).map(|x| x.abs()).fold(0.0, f64::max);
+        assert!(
+            largest(&motion.q) < 0.51 && largest(&motion.dq) < 1.52 && largest(&motion.ddq) < 4.6
+        );
         for end in [0, motion.len() - 1] {
-            let rates = motion.dq[2 * end..2 * end + 2].iter().chain(&motion.ddq[2 * end..2 * end + 2]);
+            let rates =
+                motion.dq[2 * end..2 * end + 2].iter().chain(&motion.ddq[2 * end..2 * end + 2]);
             assert!(rates.into_iter().all(|x| *x == 0.0));
         }
 
@@ -209,14 +248,20 @@ fn the_proposed_motion_tells_dry_friction_from_viscous() {
             again.candidates.iter().find(of_joint_2).map_or(f64::NEG_INFINITY, |f| f.score)
         };
         let other = if truth == pair[0] { pair[1] } else { pair[0] };
-        assert!(score(truth) > score(other) + 12.0, "{truth} {}, {other} {}", score(truth), score(other));
+        assert!(
+            score(truth) > score(other) + 12.0,
+            "{truth} {}, {other} {}",
+            score(truth),
+            score(other)
+        );
         assert!(again.next_experiment.is_empty(), "{:?}", again.next_experiment);
     }
 }
 
 #[test]
 fn the_proposed_motion_shows_a_spring_behind_an_offset() {
-    // Joint 2 swings with one frequency: a spring looks like a rotor's inertia, which the model has, and an offset.
+    // Joint 2 swings with one frequency: a spring looks like a rotor's inertia, which the model
+    // has, and an offset.
     let swing = waves(14.0, [&[(0.7, 1.1, 0.3), (0.3, 2.9, 1.0)], &[(0.5, 3.0, 0.5)]]);
     let known = ["viscous_friction", "coulomb_friction", "rotor_inertia"];
     let mut spring = Term::new(by_name("cable_stiffness").unwrap(), Site::Joint(1), vec![]);
@@ -226,12 +271,19 @@ fn the_proposed_motion_shows_a_spring_behind_an_offset() {
     let diagnosis = diagnosed(&train, &known, &["torque_offset", "cable_stiffness"]);
     assert_eq!(diagnosis.findings[0].effect, "torque_offset", "{:?}", diagnosis.findings);
     let [next] = &diagnosis.next_experiment[..] else { panic!("{:?}", diagnosis.findings) };
-    assert!(next.about.contains(&"cable_stiffness".into()) && next.separation_now < 12.0, "{next:?}");
+    assert!(
+        next.about.contains(&"cable_stiffness".into()) && next.separation_now < 12.0,
+        "{next:?}"
+    );
     assert!(next.separation_expected > 24.0, "{next:?}");
 
     let motion = diagnosis.next_motion().unwrap();
     let recorded = log(FRICTION, &terms, &[motion.q, motion.dq, motion.ddq], 60.0, 9);
-    let again = diagnosed(&[&train[..], &[recorded]].concat(), &known, &["torque_offset", "cable_stiffness"]);
+    let again = diagnosed(
+        &[&train[..], &[recorded]].concat(),
+        &known,
+        &["torque_offset", "cable_stiffness"],
+    );
     let [finding] = &again.findings[..] else { panic!("{:?}", again.findings) };
     assert_eq!(finding.effect, "cable_stiffness");
     let k = finding.parameters[0].value;

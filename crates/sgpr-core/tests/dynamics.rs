@@ -5,9 +5,9 @@ mod common;
 
 use common::{ROBOTS, Reference, largest_difference};
 use sgpr_core::dynamics::{
-    BatchWorkspace, Samples, Workspace, bias_forces, forward_dynamics, forward_dynamics_with_rotors, frame_pose,
-    gravity_torque, jacobian, kinetic_energy, mass_matrix, potential_energy, regressor, regressor_batch, rnea,
-    rnea_batch,
+    BatchWorkspace, Samples, Workspace, bias_forces, forward_dynamics,
+    forward_dynamics_with_rotors, frame_pose, gravity_torque, jacobian, kinetic_energy,
+    mass_matrix, potential_energy, regressor, regressor_batch, rnea, rnea_batch,
 };
 use sgpr_core::robot::{DhConvention, Robot};
 use sgpr_core::spatial::LinkInertia;
@@ -25,9 +25,16 @@ fn for_each_robot(check: impl Fn(&str, &Reference, &Robot)) {
     }
 }
 
-fn states(reference: &Reference, n: usize) -> impl Iterator<Item = (usize, &[f64], &[f64], &[f64])> {
+fn states(
+    reference: &Reference,
+    n: usize,
+) -> impl Iterator<Item = (usize, &[f64], &[f64], &[f64])> {
     let rows = |key| reference.array(key).chunks_exact(n);
-    rows("q").zip(rows("dq")).zip(rows("ddq")).enumerate().map(|(k, ((q, dq), ddq))| (k, q, dq, ddq))
+    rows("q")
+        .zip(rows("dq"))
+        .zip(rows("ddq"))
+        .enumerate()
+        .map(|(k, ((q, dq), ddq))| (k, q, dq, ddq))
 }
 
 #[test]
@@ -57,7 +64,10 @@ fn mass_matrix_agrees() {
         let expected = reference.array("mass_matrix");
         let largest = expected.iter().fold(0.0f64, |largest, m| largest.max(m.abs()));
         for (k, q, ..) in states(reference, n) {
-            let error = largest_difference(mass_matrix(robot, &mut ws, q), &expected[k * n * n..(k + 1) * n * n]);
+            let error = largest_difference(
+                mass_matrix(robot, &mut ws, q),
+                &expected[k * n * n..(k + 1) * n * n],
+            );
             assert!(error < TOLERANCE * largest, "{label}, state {k}: {error:e}");
         }
     });
@@ -71,13 +81,17 @@ fn forward_dynamics_agrees() {
         for (k, q, dq, _) in states(reference, n) {
             let row = |key| &reference.array(key)[k * n..(k + 1) * n];
             let ddq = forward_dynamics(robot, &mut ws, q, dq, row("tau_fd")).to_vec();
-            // Accelerations of light wrists reach thousands of rad/s²; in torque they are as exact as the rest.
+            // Accelerations of light wrists reach thousands of rad/s²; in torque they are as exact
+            // as the rest.
             let scale = row("qdd_fd").iter().fold(1.0f64, |largest, a| largest.max(a.abs()));
             let error = largest_difference(&ddq, row("qdd_fd"));
             assert!(error < 2e-12 * scale, "{label}, state {k}: {error:e} of {scale:e}");
             let back = rnea(robot, &mut ws, q, dq, &ddq);
             let error = largest_difference(back, row("tau_fd"));
-            assert!(error < 10.0 * TOLERANCE * reference.max_abs_tau(), "{label}, state {k}: torque {error:e}");
+            assert!(
+                error < 10.0 * TOLERANCE * reference.max_abs_tau(),
+                "{label}, state {k}: torque {error:e}"
+            );
         }
     });
 }
@@ -113,7 +127,10 @@ fn regressor_agrees_and_multiplies_the_parameters_to_the_torque() {
             assert!(error < TOLERANCE * scale, "{label}, state {k}: {error:e}");
             let tau: Vec<f64> = y.chunks_exact(columns).map(|row| dot(row, &parameters)).collect();
             let error = largest_difference(&tau, &reference.array("tau")[k * n..(k + 1) * n]);
-            assert!(error < TOLERANCE * reference.max_abs_tau(), "{label}, state {k}: torque {error:e}");
+            assert!(
+                error < TOLERANCE * reference.max_abs_tau(),
+                "{label}, state {k}: torque {error:e}"
+            );
         }
     });
 }
@@ -121,7 +138,8 @@ fn regressor_agrees_and_multiplies_the_parameters_to_the_torque() {
 #[test]
 fn parameters_agree_in_joint_frames_and_in_denavit_hartenberg_frames() {
     for_each_robot(|label, reference, robot| {
-        let error = largest_difference(&robot.standard_parameters(), reference.array("params_joint"));
+        let error =
+            largest_difference(&robot.standard_parameters(), reference.array("params_joint"));
         assert!(error < 1e-14 * 30.0, "{label}: {error:e}");
     });
     for name in ROBOTS {
@@ -132,7 +150,8 @@ fn parameters_agree_in_joint_frames_and_in_denavit_hartenberg_frames() {
             let frame = DhConvention::Standard.link_frame(row).inverse();
             link.expressed_in(&frame).standard_parameters()
         });
-        let error = largest_difference(&in_dh_frames.collect::<Vec<_>>(), reference.array("params_dh"));
+        let error =
+            largest_difference(&in_dh_frames.collect::<Vec<_>>(), reference.array("params_dh"));
         assert!(error < 1e-13, "{name}: {error:e}");
     }
 }
@@ -141,10 +160,12 @@ fn parameters_agree_in_joint_frames_and_in_denavit_hartenberg_frames() {
 fn modified_denavit_hartenberg_frames_are_the_urdf_joint_frames_of_the_panda() {
     let reference = Reference::load("panda_like");
     let dh = &reference.info["dh_modified"];
-    let column = |key: &str| -> Vec<f64> { serde_json::from_value(dh[key].clone()).expect("a column") };
+    let column =
+        |key: &str| -> Vec<f64> { serde_json::from_value(dh[key].clone()).expect("a column") };
     let (a, alpha, d, theta) = (column("a"), column("alpha"), column("d"), column("theta"));
     let expected = reference.by_urdf();
-    let rows: Vec<_> = (0..7).map(|i| sgpr_core::robot::DhRow::revolute(a[i], alpha[i], d[i], theta[i])).collect();
+    let rows: Vec<_> =
+        (0..7).map(|i| sgpr_core::robot::DhRow::revolute(a[i], alpha[i], d[i], theta[i])).collect();
     let robot = Robot::from_dh("panda", DhConvention::Modified, &rows, None, expected.gravity())
         .expect("a valid table")
         .with_standard_parameters(&expected.standard_parameters());
@@ -167,14 +188,20 @@ fn poses_and_energies_agree() {
         let frame = robot.frame(frame_name).expect("listed").clone();
         for (k, q, dq, _) in states(reference, n) {
             let pose = frame_pose(robot, &mut ws, q, &frame).to_matrix4();
-            let error = largest_difference(pose.as_flattened(), &reference.array("tool_pose")[k * 16..(k + 1) * 16]);
+            let error = largest_difference(
+                pose.as_flattened(),
+                &reference.array("tool_pose")[k * 16..(k + 1) * 16],
+            );
             assert!(error < 1e-13, "{label}, state {k}: pose {error:e}");
             let kinetic = kinetic_energy(robot, &mut ws, q, dq);
             let expected = reference.array("kinetic")[k];
             assert!((kinetic - expected).abs() <= 1e-12 * expected.max(1.0), "{label}, state {k}");
             let potential = potential_energy(robot, &mut ws, q);
             let expected = reference.array("potential")[k];
-            assert!((potential - expected).abs() <= 1e-12 * expected.abs().max(10.0), "{label}, state {k}");
+            assert!(
+                (potential - expected).abs() <= 1e-12 * expected.abs().max(10.0),
+                "{label}, state {k}"
+            );
         }
     });
 }
@@ -184,7 +211,10 @@ fn jacobian_is_the_derivative_of_the_pose() {
     for_each_robot(|label, reference, robot| {
         let n = robot.dof();
         let mut ws = Workspace::new(robot);
-        let frame = robot.frame(reference.info["tool_frame"].as_str().expect("a name")).expect("listed").clone();
+        let frame = robot
+            .frame(reference.info["tool_frame"].as_str().expect("a name"))
+            .expect("listed")
+            .clone();
         let step = 1e-6;
         for (k, q, ..) in states(reference, n).skip(3).take(10) {
             let exact = jacobian(robot, &mut ws, q, &frame).to_vec();
@@ -206,7 +236,10 @@ fn jacobian_is_the_derivative_of_the_pose() {
                 let numeric = linear.to_array().into_iter().chain(angular);
                 for (row, value) in numeric.enumerate() {
                     let difference = (value - exact[row * n + joint]).abs();
-                    assert!(difference < 1e-8, "{label}, state {k}, joint {joint}, row {row}: {difference:e}");
+                    assert!(
+                        difference < 1e-8,
+                        "{label}, state {k}, joint {joint}, row {row}: {difference:e}"
+                    );
                 }
             }
         }
@@ -230,7 +263,10 @@ fn batches_agree_with_single_samples_whatever_their_length() {
             let mut tau = vec![f64::NAN; count * n];
             rnea_batch(robot, &mut batch, samples, &mut tau);
             let error = largest_difference(&tau, &reference.array("tau")[..count * n]);
-            assert!(error < TOLERANCE * reference.max_abs_tau(), "{label}, {count} samples: {error:e}");
+            assert!(
+                error < TOLERANCE * reference.max_abs_tau(),
+                "{label}, {count} samples: {error:e}"
+            );
             let mut matrix = vec![f64::NAN; count * n * 10 * n];
             regressor_batch(robot, &mut batch, samples, &mut matrix);
             for (k, q, dq, ddq) in states(reference, n).take(count) {
@@ -244,7 +280,8 @@ fn batches_agree_with_single_samples_whatever_their_length() {
 
 #[test]
 fn free_motion_agrees_with_an_adaptive_integrator() {
-    // A fixed-step Runge-Kutta integration of our forward dynamics against DOP853 of Pinocchio's, rtol 1e-13.
+    // A fixed-step Runge-Kutta integration of our forward dynamics against DOP853 of Pinocchio's,
+    // rtol 1e-13.
     for_each_robot(|label, reference, robot| {
         let n = robot.dof();
         let mut ws = Workspace::new(robot);
@@ -256,7 +293,9 @@ fn free_motion_agrees_with_an_adaptive_integrator() {
         for window in 0..times.len() - 1 {
             let h = (times[window + 1] - times[window]) / f64::from(steps);
             for _ in 0..steps {
-                runge_kutta_step(&mut q, &mut dq, h, |q, dq| forward_dynamics(robot, &mut ws, q, dq, &zero).to_vec());
+                runge_kutta_step(&mut q, &mut dq, h, |q, dq| {
+                    forward_dynamics(robot, &mut ws, q, dq, &zero).to_vec()
+                });
             }
             let row = (window + 1) * n..(window + 2) * n;
             let error = largest_difference(&q, &reference.array("free_q")[row]);
@@ -265,8 +304,15 @@ fn free_motion_agrees_with_an_adaptive_integrator() {
     });
 }
 
-fn runge_kutta_step(q: &mut [f64], dq: &mut [f64], h: f64, mut f: impl FnMut(&[f64], &[f64]) -> Vec<f64>) {
-    let along = |x: &[f64], v: &[f64], h: f64| -> Vec<f64> { x.iter().zip(v).map(|(x, v)| x + h * v).collect() };
+fn runge_kutta_step(
+    q: &mut [f64],
+    dq: &mut [f64],
+    h: f64,
+    mut f: impl FnMut(&[f64], &[f64]) -> Vec<f64>,
+) {
+    let along = |x: &[f64], v: &[f64], h: f64| -> Vec<f64> {
+        x.iter().zip(v).map(|(x, v)| x + h * v).collect()
+    };
     let a1 = f(q, dq);
     let (v2, q2) = (along(dq, &a1, h / 2.0), along(q, dq, h / 2.0));
     let a2 = f(&q2, &v2);
@@ -282,7 +328,8 @@ fn runge_kutta_step(q: &mut [f64], dq: &mut [f64], h: f64, mut f: impl FnMut(&[f
 
 #[test]
 fn identified_parameters_that_no_body_has_still_move_linearly() {
-    // Base parameters are carried by some links only, often without mass; the torque must stay linear in them.
+    // Base parameters are carried by some links only, often without mass; the torque must stay
+    // linear in them.
     let reference = Reference::load("ur5e_like");
     let robot = reference.by_urdf();
     let mut parameters = robot.standard_parameters();
@@ -292,7 +339,10 @@ fn identified_parameters_that_no_body_has_still_move_linearly() {
     }
     let odd = robot.clone().with_standard_parameters(&parameters);
     assert_eq!(odd.standard_parameters(), parameters);
-    assert_eq!(odd.links()[2], LinkInertia::from_standard_parameters(parameters[20..30].try_into().expect("ten")));
+    assert_eq!(
+        odd.links()[2],
+        LinkInertia::from_standard_parameters(parameters[20..30].try_into().expect("ten"))
+    );
     let mut ws = Workspace::new(&robot);
     for (_, q, dq, ddq) in states(&reference, 6).take(20) {
         let y = regressor(&robot, &mut ws, q, dq, ddq).to_vec();

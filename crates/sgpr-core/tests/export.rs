@@ -45,12 +45,20 @@ fn motion(n: usize) -> Vec<f64> {
     values
 }
 
-fn options((language, precision): (Language, Precision), name: &str, purpose: Purpose) -> ExportOptions {
+fn options(
+    (language, precision): (Language, Precision),
+    name: &str,
+    purpose: Purpose,
+) -> ExportOptions {
     let stream = StreamOptions::default().with_rate_hz(Some(RATE_HZ)).with_purpose(purpose);
-    ExportOptions::new(language).with_precision(precision).with_name(Some(name.into())).with_stream(stream)
+    ExportOptions::new(language)
+        .with_precision(precision)
+        .with_name(Some(name.into()))
+        .with_stream(stream)
 }
 
-/// Models with every effect of the library, each alone, a joint of the wrist for those that have one; and with many.
+/// Models with every effect of the library, each alone, a joint of the wrist for those that have
+/// one; and with many.
 fn models() -> Vec<(String, TorqueModel, Purpose)> {
     let robot = puma560();
     let mut models = Vec::new();
@@ -67,7 +75,11 @@ fn models() -> Vec<(String, TorqueModel, Purpose)> {
     let of = |name: &str, site: Site| term(&by_name(name).expect("of the library"), site);
     let mut early = of("torque_delay", Site::Arm);
     early.constants = vec![-0.006];
-    models.push(("early".into(), plain(&robot).with_terms(vec![early], Some(0)), Purpose::ExpectedMeasurement));
+    models.push((
+        "early".into(),
+        plain(&robot).with_terms(vec![early], Some(0)),
+        Purpose::ExpectedMeasurement,
+    ));
     let many = vec![
         of("presliding_friction", Site::Joint(2)),
         of("friction_step", Site::Joint(1)),
@@ -80,8 +92,14 @@ fn models() -> Vec<(String, TorqueModel, Purpose)> {
         of("actuator_lag", Site::Arm),
         of("torque_saturation", Site::Joint(1)),
     ];
-    for (name, purpose) in [("shown", Purpose::ExpectedMeasurement), ("fed_forward", Purpose::FeedForward)] {
-        models.push((format!("many_{name}"), plain(&robot).with_terms(many.clone(), Some(0)), purpose));
+    for (name, purpose) in
+        [("shown", Purpose::ExpectedMeasurement), ("fed_forward", Purpose::FeedForward)]
+    {
+        models.push((
+            format!("many_{name}"),
+            plain(&robot).with_terms(many.clone(), Some(0)),
+            purpose,
+        ));
     }
     models
 }
@@ -119,7 +137,8 @@ fn exists(program: &str) -> bool {
     found
 }
 
-/// A program that runs every model over the motion in `motion.bin` and writes the torques to `tau.bin`.
+/// A program that runs every model over the motion in `motion.bin` and writes the torques to
+/// `tau.bin`.
 fn c_main(models: &[(String, TorqueModel, Purpose)], n: usize, precision: Precision) -> String {
     let number = if precision == Precision::Single { "float" } else { "double" };
     let mut out = String::from("#include <stdio.h>\n#include <math.h>\n");
@@ -127,14 +146,19 @@ fn c_main(models: &[(String, TorqueModel, Purpose)], n: usize, precision: Precis
     let width = 3 * n;
     writeln!(out, "static {number} motion[{SAMPLES}][{width}];").expect("a string");
     for (name, model, purpose) in models {
-        let code = model.export(&options((Language::C, precision), name, *purpose)).expect("exports");
+        let code =
+            model.export(&options((Language::C, precision), name, *purpose)).expect("exports");
         let has = |function: &str| code.contains(&format!("sgpr_{name}_{function}("));
         let temperature = if has("set_temperature") {
             format!("sgpr_{name}_set_temperature(&state, celsius);")
         } else {
             "(void)celsius;".into()
         };
-        let time = if has("set_time") { format!("sgpr_{name}_set_time(&state, 0.5);") } else { String::new() };
+        let time = if has("set_time") {
+            format!("sgpr_{name}_set_time(&state, 0.5);")
+        } else {
+            String::new()
+        };
         write!(
             out,
             "static int run_{name}(FILE *file)
@@ -168,7 +192,9 @@ fn c_main(models: &[(String, TorqueModel, Purpose)], n: usize, precision: Precis
     int failed = in == NULL || file == NULL || fread(motion, sizeof motion, 1, in) != 1;
 ",
     );
-    models.iter().for_each(|(name, ..)| writeln!(out, "    failed |= run_{name}(file);").expect("a string"));
+    models
+        .iter()
+        .for_each(|(name, ..)| writeln!(out, "    failed |= run_{name}(file);").expect("a string"));
     out.push_str("    failed |= fclose(file) != 0;\n    return failed;\n}\n");
     out
 }
@@ -235,11 +261,18 @@ fn write_all(
 }
 
 /// Runs the program that was built and compares its torques with those of the predictors.
-fn compare(folder: &Path, models: &[(String, TorqueModel, Purpose)], motion: &[f64], precision: Precision) {
+fn compare(
+    folder: &Path,
+    models: &[(String, TorqueModel, Purpose)],
+    motion: &[f64],
+    precision: Precision,
+) {
     run(Command::new(folder.join("program")).current_dir(folder));
     let bytes = fs::read(folder.join("tau.bin")).expect("written");
     let tau: Vec<f64> = match precision {
-        Precision::Single => bytes.as_chunks().0.iter().map(|b| f64::from(f32::from_le_bytes(*b))).collect(),
+        Precision::Single => {
+            bytes.as_chunks().0.iter().map(|b| f64::from(f32::from_le_bytes(*b))).collect()
+        }
         Precision::Double => bytes.as_chunks().0.iter().map(|b| f64::from_le_bytes(*b)).collect(),
     };
     let rows = SAMPLES * models[0].1.robot().dof();
@@ -247,7 +280,8 @@ fn compare(folder: &Path, models: &[(String, TorqueModel, Purpose)], motion: &[f
     for ((name, model, purpose), found) in models.iter().zip(tau.chunks_exact(rows)) {
         let expected = expected(model, *purpose, motion);
         let largest = expected.iter().fold(0.0f64, |largest, x| largest.max(x.abs()));
-        let apart = expected.iter().zip(found).fold(0.0f64, |apart, (a, b)| apart.max((a - b).abs()));
+        let apart =
+            expected.iter().zip(found).fold(0.0f64, |apart, (a, b)| apart.max((a - b).abs()));
         let without = self::expected(&plain(model.robot()), *purpose, motion);
         let in_it = !["viscous_friction", "arm"].contains(&name.as_str());
         assert!(!in_it || expected != without, "{name} does nothing");
@@ -260,7 +294,8 @@ fn compare(folder: &Path, models: &[(String, TorqueModel, Purpose)], motion: &[f
 }
 
 fn build_c(folder: &Path, compiler: &str, standard: &str, language: &str) {
-    let strict = ["-Wall", "-Wextra", "-Wpedantic", "-Wdouble-promotion", "-Werror", "-o", "program", "-O1"];
+    let strict =
+        ["-Wall", "-Wextra", "-Wpedantic", "-Wdouble-promotion", "-Werror", "-o", "program", "-O1"];
     let mut command = Command::new(compiler);
     command.current_dir(folder).arg(standard).args(strict).args(["-x", language, "main.c", "-lm"]);
     run(&mut command);
@@ -268,7 +303,15 @@ fn build_c(folder: &Path, compiler: &str, standard: &str, language: &str) {
 
 fn build_rust(folder: &Path) {
     let mut command = Command::new(std::env::var("RUSTC").unwrap_or_else(|_| "rustc".into()));
-    command.current_dir(folder).args(["--edition", "2021", "-D", "warnings", "-o", "program", "main.rs"]);
+    command.current_dir(folder).args([
+        "--edition",
+        "2021",
+        "-D",
+        "warnings",
+        "-o",
+        "program",
+        "main.rs",
+    ]);
     run(&mut command);
 }
 
@@ -281,7 +324,8 @@ fn in_c(motion: &[f64], precision: Precision) {
     let models = models();
     let folder = tempfile::tempdir().expect("a folder");
     write_all(folder.path(), &models, (Language::C, precision), motion);
-    let builds = [("gcc", "-std=c99", "c"), ("g++", "-std=c++17", "c++"), ("clang", "-std=c99", "c")];
+    let builds =
+        [("gcc", "-std=c99", "c"), ("g++", "-std=c++17", "c++"), ("clang", "-std=c99", "c")];
     for (compiler, standard, language) in builds {
         if exists(compiler) {
             build_c(folder.path(), compiler, standard, language);
@@ -322,7 +366,11 @@ fn every_effect_in_rust_in_32_bits_gives_the_torque_of_the_predictor() {
 fn code_in_32_bits_computes_with_no_other_numbers_but_times() {
     let terms = vec![term(&by_name("friction_step").expect("of the library"), Site::Joint(1))];
     let model = plain(&puma560()).with_terms(terms, Some(0));
-    let code = model.export(&options((Language::C, Precision::Single), "arm", Purpose::ExpectedMeasurement));
+    let code = model.export(&options(
+        (Language::C, Precision::Single),
+        "arm",
+        Purpose::ExpectedMeasurement,
+    ));
     let code = code.expect("exports");
     let lines: Vec<&str> = code.lines().skip_while(|line| !line.starts_with("#ifndef")).collect();
     for line in lines.iter().filter(|line| line.contains("double")) {
@@ -330,7 +378,8 @@ fn code_in_32_bits_computes_with_no_other_numbers_but_times() {
         assert!(of_time, "{line}");
     }
     // Constants without their suffix are of 64 bits, and so is what is computed with them.
-    let statements = lines.iter().filter(|line| line.contains("const float t") || line.contains("tau["));
+    let statements =
+        lines.iter().filter(|line| line.contains("const float t") || line.contains("tau["));
     let wide = |word: &&str| word.contains('.') && word.parse::<f64>().is_ok();
     for line in statements.filter(|line| !line.contains("time")) {
         let words = line.split(|c: char| "()*+-/;,= ".contains(c));
@@ -342,11 +391,16 @@ fn code_in_32_bits_computes_with_no_other_numbers_but_times() {
 #[test]
 fn code_for_one_robot_has_no_zero_in_it_and_shares_what_it_needs_twice() {
     let robot = two_link();
-    let code = TorqueModel::nominal(&robot).export(&ExportOptions::new(Language::C)).expect("exports");
+    let code =
+        TorqueModel::nominal(&robot).export(&ExportOptions::new(Language::C)).expect("exports");
     assert_eq!(code.matches("sin(q[1])").count(), 1, "{code}");
-    assert!(!code.contains("* 0.0") && !code.contains("0.0 *") && !code.contains("1.0 *"), "{code}");
+    assert!(
+        !code.contains("* 0.0") && !code.contains("0.0 *") && !code.contains("1.0 *"),
+        "{code}"
+    );
     // A planar arm of two joints: gravity, coupling and inertia, and no more.
-    let operations = code.lines().filter(|line| line.contains("const double t")).flat_map(str::chars);
+    let operations =
+        code.lines().filter(|line| line.contains("const double t")).flat_map(str::chars);
     let count = operations.filter(|c| "*+-".contains(*c)).count();
     assert!(count < 60, "{count} operations\n{code}");
 }
@@ -357,11 +411,17 @@ fn names_from_strangers_stay_in_their_comment() {
     let names = ["*/ int x = system(\"rm\"); /*", "a\\\n#error \"b\" ??/\u{202e}\r\n"];
     let mut joints = table.joints().to_vec();
     joints.iter_mut().zip(names).for_each(|(joint, name)| joint.name = name.into());
-    let robot = Robot::new("*/ arm", joints, table.links().to_vec(), vec![], table.gravity()).expect("a robot");
+    let robot = Robot::new("*/ arm", joints, table.links().to_vec(), vec![], table.gravity())
+        .expect("a robot");
     let model = plain(&robot);
     for language in Language::ALL {
-        let code = model.export(&options((language, Precision::Double), "arm", Purpose::FeedForward)).expect("exports");
-        assert!(!code.contains("*/ int x") && !code.contains("#error") && !code.contains('\u{202e}'), "{code}");
+        let code = model
+            .export(&options((language, Precision::Double), "arm", Purpose::FeedForward))
+            .expect("exports");
+        assert!(
+            !code.contains("*/ int x") && !code.contains("#error") && !code.contains('\u{202e}'),
+            "{code}"
+        );
         assert!(!code.contains('\\') && !code.contains("??/"), "{code}");
         let folder = tempfile::tempdir().expect("a folder");
         let one = [("arm".to_string(), model.clone(), Purpose::FeedForward)];
@@ -419,7 +479,9 @@ fn what_cannot_be_exported_is_refused_with_its_name() {
     let error = model.export(&of_a_log).expect_err("no rate").to_string();
     assert!(error.contains("actuator_lag") && error.contains("rate_hz"), "{error}");
     assert!(model.export(&ExportOptions::new(Language::Rust)).is_ok());
-    let error = model.export_to("/nowhere/at/all.h", &ExportOptions::new(Language::C)).expect_err("no folder");
+    let error = model
+        .export_to("/nowhere/at/all.h", &ExportOptions::new(Language::C))
+        .expect_err("no folder");
     assert!(error.to_string().contains("/nowhere/at/all.h"), "{error}");
     assert!("fortran".parse::<Language>().expect_err("none").to_string().contains("fortran"));
 }

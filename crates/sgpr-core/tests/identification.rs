@@ -9,7 +9,8 @@ use faer::linalg::solvers::SolveLstsq;
 use sgpr_core::dynamics::{BatchWorkspace, Samples, Workspace, regressor, rnea_batch};
 use sgpr_core::effects::JointState;
 use sgpr_core::identification::{
-    BaseParameters, IdentificationError, LeastSquares, Method, Observation, ParameterClass, ParameterSet, Trajectory,
+    BaseParameters, IdentificationError, LeastSquares, Method, Observation, ParameterClass,
+    ParameterSet, Trajectory,
 };
 use sgpr_core::robot::{Robot, puma560, two_link};
 use sgpr_core::signal::LowPass;
@@ -22,7 +23,10 @@ fn ranks_agree_with_the_reference_for_every_set_of_columns() {
     let sets: [(&str, &[&str]); 5] = [
         ("inertial", &[]),
         ("inertial+viscous+coulomb", &["viscous_friction", "coulomb_friction"]),
-        ("inertial+viscous+coulomb+offset", &["viscous_friction", "coulomb_friction", "torque_offset"]),
+        (
+            "inertial+viscous+coulomb+offset",
+            &["viscous_friction", "coulomb_friction", "torque_offset"],
+        ),
         ("inertial+rotor_inertia", &["rotor_inertia"]),
         ("inertial+rotor_inertia+viscous+coulomb+offset", &ALL),
     ];
@@ -34,7 +38,11 @@ fn ranks_agree_with_the_reference_for_every_set_of_columns() {
                 let expected = &reference.info["ranks"][label];
                 assert_eq!(set.len() as u64, expected["columns"].as_u64().expect("a number"));
                 let rank = BaseParameters::new(&robot, &set).rank() as u64;
-                assert_eq!(rank, expected["rank"].as_u64().expect("a number"), "{name} from {path}: {label}");
+                assert_eq!(
+                    rank,
+                    expected["rank"].as_u64().expect("a number"),
+                    "{name} from {path}: {label}"
+                );
             }
         }
     }
@@ -56,7 +64,8 @@ fn classes_of_standard_parameters_agree_with_the_reference() {
                 ParameterClass::Combined => 2,
             })
             .collect();
-        let expected: Vec<u64> = serde_json::from_value(reference.info["parameter_class"].clone()).expect("classes");
+        let expected: Vec<u64> =
+            serde_json::from_value(reference.info["parameter_class"].clone()).expect("classes");
         assert_eq!(classes, expected, "{name}");
     }
 }
@@ -67,10 +76,20 @@ fn the_two_link_arm_has_six_base_parameters_upright_and_four_lying() {
     let expressions = |robot: &Robot| BaseParameters::new(robot, &set).expressions();
     assert_eq!(
         expressions(&two_link()),
-        ["joint_1.mx + joint_2.m", "joint_1.my", "joint_1.Izz + joint_2.m", "joint_2.mx", "joint_2.my", "joint_2.Izz"]
+        [
+            "joint_1.mx + joint_2.m",
+            "joint_1.my",
+            "joint_1.Izz + joint_2.m",
+            "joint_2.mx",
+            "joint_2.my",
+            "joint_2.Izz"
+        ]
     );
     let lying = two_link().with_gravity(Vector3::new(0.0, 0.0, -9.81));
-    assert_eq!(expressions(&lying), ["joint_1.Izz + joint_2.m", "joint_2.mx", "joint_2.my", "joint_2.Izz"]);
+    assert_eq!(
+        expressions(&lying),
+        ["joint_1.Izz + joint_2.m", "joint_2.mx", "joint_2.my", "joint_2.Izz"]
+    );
 }
 
 #[test]
@@ -94,7 +113,8 @@ fn base_parameters_give_the_torque_of_the_parameters_they_combine() {
         let mut parameters = robot.standard_parameters();
         parameters.extend((0..set.len() - set.inertial()).map(|k| 0.1 + 0.03 * k as f64));
         let values = base.combine(&parameters);
-        // From zero: what does not stand for a combination is zero, and the torque must be the same.
+        // From zero: what does not stand for a combination is zero, and the torque must be the
+        // same.
         let sparse = base.expand(&values, &vec![0.0; set.len()]);
         assert!(sparse.iter().filter(|value| **value != 0.0).count() <= base.rank());
         assert!(largest_difference(&base.combine(&sparse), &values) < 1e-12);
@@ -103,11 +123,15 @@ fn base_parameters_give_the_torque_of_the_parameters_they_combine() {
         let mut ws = Workspace::new(&robot);
         for k in 0..50 {
             let row = k * n..(k + 1) * n;
-            let (q, dq, ddq) =
-                (&reference.array("q")[row.clone()], &reference.array("dq")[row.clone()], &reference.array("ddq")[row]);
+            let (q, dq, ddq) = (
+                &reference.array("q")[row.clone()],
+                &reference.array("dq")[row.clone()],
+                &reference.array("ddq")[row],
+            );
             let tau = |parameters: &[f64], ws: &mut Workspace| -> Vec<f64> {
                 let y = regressor(&robot, ws, q, dq, ddq);
-                let mut tau: Vec<f64> = y.chunks_exact(10 * n).map(|row| dot(row, &parameters[..10 * n])).collect();
+                let mut tau: Vec<f64> =
+                    y.chunks_exact(10 * n).map(|row| dot(row, &parameters[..10 * n])).collect();
                 set.add_effect_torque(parameters, &JointState { q, dq, ddq }, &mut tau);
                 tau
             };
@@ -116,7 +140,8 @@ fn base_parameters_give_the_torque_of_the_parameters_they_combine() {
         }
         // B as a matrix says the same.
         let matrix = base.matrix();
-        let product: Vec<f64> = matrix.chunks_exact(set.len()).map(|row| dot(row, &parameters)).collect();
+        let product: Vec<f64> =
+            matrix.chunks_exact(set.len()).map(|row| dot(row, &parameters)).collect();
         assert!(largest_difference(&product, &values) < 1e-12);
     }
 }
@@ -179,7 +204,11 @@ impl Experiment {
         rnea_batch(&robot, &mut BatchWorkspace::new(&robot), motion.samples(), &mut tau);
         for (k, tau) in tau.chunks_exact_mut(n).enumerate() {
             let row = k * n..(k + 1) * n;
-            let state = JointState { q: &motion.q[row.clone()], dq: &motion.dq[row.clone()], ddq: &motion.ddq[row] };
+            let state = JointState {
+                q: &motion.q[row.clone()],
+                dq: &motion.dq[row.clone()],
+                ddq: &motion.ddq[row],
+            };
             set.add_effect_torque(&truth, &state, tau);
         }
         Self { robot, set, base, truth, motion, tau }
@@ -194,7 +223,8 @@ impl Experiment {
         let mut effects = vec![0.0; self.set.effect_columns_per_joint()];
         for k in 0..samples {
             let row = k * n..(k + 1) * n;
-            let (q, dq, ddq) = (&self.motion.q[row.clone()], &self.motion.dq[row.clone()], &self.motion.ddq[row]);
+            let (q, dq, ddq) =
+                (&self.motion.q[row.clone()], &self.motion.dq[row.clone()], &self.motion.ddq[row]);
             let y = regressor(&self.robot, &mut ws, q, dq, ddq).to_vec();
             for joint in 0..n {
                 self.set.effect_row(joint, &JointState { q, dq, ddq }, &mut effects);
@@ -228,9 +258,16 @@ fn noise_free_data_give_the_parameters_back_filtered_or_not() {
         ("WLS, filtered", true, Method::Wls),
         ("known noise", false, Method::WlsKnown(vec![3.0, 1.0, 1.0, 0.1, 0.1, 0.1])),
     ] {
-        let mut observation = Observation::new(&experiment.robot, &experiment.set, &experiment.base);
+        let mut observation =
+            Observation::new(&experiment.robot, &experiment.set, &experiment.base);
         let added = if filtered {
-            observation.add_trajectory(experiment.motion.samples(), &experiment.tau, None, &filter, 5)
+            observation.add_trajectory(
+                experiment.motion.samples(),
+                &experiment.tau,
+                None,
+                &filter,
+                5,
+            )
         } else {
             observation.add_samples(experiment.motion.samples(), &experiment.tau, None)
         };
@@ -287,7 +324,8 @@ fn weighted_least_squares_agrees_with_dense_algebra() {
 
 #[test]
 fn the_factors_of_the_joints_are_those_of_dense_rows() {
-    // The rows of a single joint are rank deficient, and the first seconds of a smooth motion nearly so.
+    // The rows of a single joint are rank deficient, and the first seconds of a smooth motion
+    // nearly so.
     let experiment = Experiment::new(1300);
     let mut observation = Observation::new(&experiment.robot, &experiment.set, &experiment.base);
     observation.add_samples(experiment.motion.samples(), &experiment.tau, None).expect("good data");
@@ -299,10 +337,12 @@ fn the_factors_of_the_joints_are_those_of_dense_rows() {
             if column < k { w[(row, found.columns[column])] } else { b[(row, 0)] }
         };
         let dense = Mat::from_fn(1300, k + 1, entry);
-        let (expected, gram) = (dense.transpose() * &dense, found.factor.transpose() * &found.factor);
+        let (expected, gram) =
+            (dense.transpose() * &dense, found.factor.transpose() * &found.factor);
         for i in 0..=k {
             for j in 0..=k {
-                let error = (gram[(i, j)] - expected[(i, j)]).abs() / (expected[(i, i)] * expected[(j, j)]).sqrt();
+                let error = (gram[(i, j)] - expected[(i, j)]).abs()
+                    / (expected[(i, i)] * expected[(j, j)]).sqrt();
                 assert!(error < 1e-10, "joint {joint}, entry {i} {j}: {error:e}");
             }
         }
@@ -322,7 +362,8 @@ fn standard_deviations_are_those_of_repeated_experiments() {
             let mut noise = Noise(100 + trial);
             let mut tau = experiment.tau.clone();
             tau.iter_mut().enumerate().for_each(|(k, tau)| *tau += level[k % n] * noise.next());
-            let mut observation = Observation::new(&experiment.robot, &experiment.set, &experiment.base);
+            let mut observation =
+                Observation::new(&experiment.robot, &experiment.set, &experiment.base);
             observation.add_samples(experiment.motion.samples(), &tau, None).expect("good data");
             let estimate = LeastSquares::new(method.clone())
                 .solve(&observation.factors(), &experiment.base, &experiment.nominal())
@@ -331,12 +372,14 @@ fn standard_deviations_are_those_of_repeated_experiments() {
             for k in 0..truth.len() {
                 normalised += ((estimate.values[k] - truth[k]) / deviation[k]).powi(2);
             }
-            // Under OLS what the noisy joints do to the parameters shows in the residual of the quiet ones.
+            // Under OLS what the noisy joints do to the parameters shows in the residual of the
+            // quiet ones.
             for joint in (0..n).filter(|_| method == Method::Wls) {
                 assert!((estimate.noise[joint] / level[joint] - 1.0).abs() < 0.1, "joint {joint}");
             }
         }
-        // Mean square of the errors in units of their standard deviation: one, within the noise of 60 experiments.
+        // Mean square of the errors in units of their standard deviation: one, within the noise of
+        // 60 experiments.
         let mean = normalised / (trials as f64 * truth.len() as f64);
         assert!((mean - 1.0).abs() < 0.1, "{method:?}: {mean}");
     }
@@ -348,7 +391,9 @@ fn filtering_in_pieces_is_filtering_the_whole() {
     let experiment = Experiment::new(120_000);
     let filter = LowPass::butterworth(4, 6.0, 250.0).expect("a valid filter");
     let mut observation = Observation::new(&experiment.robot, &experiment.set, &experiment.base);
-    observation.add_trajectory(experiment.motion.samples(), &experiment.tau, None, &filter, 4).expect("good data");
+    observation
+        .add_trajectory(experiment.motion.samples(), &experiment.tau, None, &filter, 4)
+        .expect("good data");
     let factors = observation.factors();
     // The torque column of the factor holds the sum of squares of the filtered torque.
     for (joint, factor) in factors.iter().enumerate() {
@@ -371,14 +416,23 @@ fn motion_that_excites_too_little_is_named_and_leaves_nominal_values() {
         values.iter_mut().skip(5).step_by(6).for_each(|value| *value = 0.0);
     }
     let mut tau = vec![0.0; 2000 * 6];
-    rnea_batch(&experiment.robot, &mut BatchWorkspace::new(&experiment.robot), motion.samples(), &mut tau);
+    rnea_batch(
+        &experiment.robot,
+        &mut BatchWorkspace::new(&experiment.robot),
+        motion.samples(),
+        &mut tau,
+    );
     let mut observation = Observation::new(&experiment.robot, &experiment.set, &experiment.base);
     observation.add_samples(motion.samples(), &tau, None).expect("good data");
     let nominal: Vec<f64> = (0..experiment.base.rank()).map(|k| 0.01 * k as f64).collect();
-    let estimate =
-        LeastSquares::new(Method::Wls).solve(&observation.factors(), &experiment.base, &nominal).expect("enough data");
-    let index = |name: &str| experiment.base.names().iter().position(|other| other == name).expect("a base parameter");
-    let named: Vec<usize> = estimate.excitation.unexcited.iter().flat_map(|d| d.shares.iter().map(|s| s.0)).collect();
+    let estimate = LeastSquares::new(Method::Wls)
+        .solve(&observation.factors(), &experiment.base, &nominal)
+        .expect("enough data");
+    let index = |name: &str| {
+        experiment.base.names().iter().position(|other| other == name).expect("a base parameter")
+    };
+    let named: Vec<usize> =
+        estimate.excitation.unexcited.iter().flat_map(|d| d.shares.iter().map(|s| s.0)).collect();
     for name in ["joint_6.Fv", "joint_6.Fc"] {
         assert!(named.contains(&index(name)), "{name} is not excited");
         assert_eq!(estimate.values[index(name)], nominal[index(name)]);
@@ -395,7 +449,10 @@ fn bad_data_are_refused_with_the_place() {
     let mut tau = experiment.tau.clone();
     tau[6 * 17 + 2] = f64::NAN;
     let error = observation.add_samples(experiment.motion.samples(), &tau, None).expect_err("NaN");
-    assert_eq!(error.to_string(), "sample 17: torque of joint 2 is NaN; find and repair such samples first");
+    assert_eq!(
+        error.to_string(),
+        "sample 17: torque of joint 2 is NaN; find and repair such samples first"
+    );
 
     let solve = |observation: &Observation, method| {
         let factors = observation.factors();
@@ -403,14 +460,18 @@ fn bad_data_are_refused_with_the_place() {
     };
     let message = solve(&observation, Method::Wls).expect_err("nothing was added").to_string();
     assert!(message.contains("no usable sample"), "{message}");
-    let few =
-        Samples { q: &experiment.motion.q[..30], dq: &experiment.motion.dq[..30], ddq: &experiment.motion.ddq[..30] };
+    let few = Samples {
+        q: &experiment.motion.q[..30],
+        dq: &experiment.motion.dq[..30],
+        ddq: &experiment.motion.ddq[..30],
+    };
     observation.add_samples(few, &experiment.tau[..30], None).expect("good data");
     let message = solve(&observation, Method::Ols).expect_err("30 rows").to_string();
     assert!(message.contains("30 rows for 58 parameters"), "{message}");
     observation.add_samples(experiment.motion.samples(), &experiment.tau, None).expect("good data");
-    let message =
-        solve(&observation, Method::WlsKnown(vec![1.0, 0.0, 1.0, 1.0, 1.0, 1.0])).expect_err("zero").to_string();
+    let message = solve(&observation, Method::WlsKnown(vec![1.0, 0.0, 1.0, 1.0, 1.0, 1.0]))
+        .expect_err("zero")
+        .to_string();
     assert!(message.contains("joint 2 is given as 0"), "{message}");
 }
 
@@ -424,7 +485,10 @@ struct Noise(u64);
 impl Noise {
     fn next(&mut self) -> f64 {
         let mut uniform = || {
-            self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            self.0 = self
+                .0
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1_442_695_040_888_963_407);
             ((self.0 >> 11) as f64 + 0.5) / (1u64 << 53) as f64
         };
         (-2.0 * uniform().ln()).sqrt() * (std::f64::consts::TAU * uniform()).cos()
@@ -434,8 +498,10 @@ impl Noise {
 #[test]
 fn rounded_angles_of_a_robot_file_do_not_show_in_the_expressions() {
     // The angles of this file are rounded to nine digits.
-    let robot = Robot::from_urdf(common::data("demo/robot.urdf"), &Default::default()).expect("bundled");
-    let set = ParameterSet::new(&robot, &["viscous_friction", "rotor_inertia"]).expect("effects of the library");
+    let robot =
+        Robot::from_urdf(common::data("demo/robot.urdf"), &Default::default()).expect("bundled");
+    let set = ParameterSet::new(&robot, &["viscous_friction", "rotor_inertia"])
+        .expect("effects of the library");
     let base = BaseParameters::new(&robot, &set);
     let friction = base.names().iter().position(|name| name == "joint_3.Fv").expect("identifiable");
     assert_eq!(base.expression(friction), "joint_3.Fv");
@@ -449,7 +515,8 @@ fn the_recursion_without_data_finds_the_subspace_of_random_motion() {
         for (path, robot) in Reference::load(name).robots() {
             for effects in [&[][..], &ALL[..]] {
                 let set = ParameterSet::new(&robot, effects).expect("known effects");
-                let (exact, random) = (BaseParameters::by_recursion(&robot, &set), BaseParameters::new(&robot, &set));
+                let (exact, random) =
+                    (BaseParameters::by_recursion(&robot, &set), BaseParameters::new(&robot, &set));
                 assert_eq!(exact.independent(), random.independent(), "{name} by {path}");
                 let difference = largest_difference(&exact.matrix(), &random.matrix());
                 assert!(difference < 1e-8, "{name} by {path}: {difference:e}");
@@ -476,12 +543,14 @@ fn equations_whose_squares_overflow_are_refused_with_their_place() {
     let effects: [&str; 0] = [];
     let set = ParameterSet::new(&robot, &effects).expect("no effect is unknown");
     let base = BaseParameters::new(&robot, &set);
-    let [q, dq, ddq] = [0.3, 0.7, 1.1].map(|size| (0..40).map(|k| size * f64::from(k).sin()).collect::<Vec<f64>>());
+    let [q, dq, ddq] = [0.3, 0.7, 1.1]
+        .map(|size| (0..40).map(|k| size * f64::from(k).sin()).collect::<Vec<f64>>());
     let samples = Samples { q: &q, dq: &dq, ddq: &ddq };
     let mut tau = vec![1.0; 40];
     tau[15] = 1e160;
     let mut observation = Observation::new(&robot, &set, &base);
-    let error = observation.add(&Trajectory::new(samples, &tau)).expect_err("its square is infinite");
+    let error =
+        observation.add(&Trajectory::new(samples, &tau)).expect_err("its square is infinite");
     assert_eq!(error, IdentificationError::TooLarge { sample: 7, joint: 1, value: 1e160 });
     assert!(error.to_string().contains("1e160"), "{error}");
 }

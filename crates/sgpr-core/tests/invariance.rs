@@ -31,7 +31,8 @@ fn train() -> Vec<Recording> {
 }
 
 fn options(method: Method) -> IdentifyOptions {
-    let effects = ["viscous_friction", "coulomb_friction", "rotor_inertia"].map(String::from).to_vec();
+    let effects =
+        ["viscous_friction", "coulomb_friction", "rotor_inertia"].map(String::from).to_vec();
     IdentifyOptions::default().with_effects(effects).with_method(method)
 }
 
@@ -57,19 +58,31 @@ fn with_names(log: &Recording, robot: &Robot) -> Recording {
 /// Values of base parameters and their deviations, the numbers of a fit.
 fn numbers(model: &TorqueModel) -> Vec<[f64; 2]> {
     let fit = model.fit().expect("identified");
-    fit.values.iter().zip(&fit.standard_deviations).map(|(value, deviation)| [*value, *deviation]).collect()
+    fit.values
+        .iter()
+        .zip(&fit.standard_deviations)
+        .map(|(value, deviation)| [*value, *deviation])
+        .collect()
 }
 
 /// Whether two fits agree up to rounding, each number in units of its deviation or size.
 fn same(a: &TorqueModel, b: &TorqueModel) -> Result<(), TestCaseError> {
     let (first, second) = (numbers(a), numbers(b));
     prop_assert_eq!(first.len(), second.len());
-    for (k, ([value, deviation], [other, other_deviation])) in first.into_iter().zip(second).enumerate() {
+    for (k, ([value, deviation], [other, other_deviation])) in
+        first.into_iter().zip(second).enumerate()
+    {
         let name = &a.base().names()[k];
         let scale = value.abs() + deviation;
         prop_assert!((value - other).abs() <= ROUNDING * scale, "{}: {} {}", name, value, other);
         let apart = (deviation - other_deviation).abs();
-        prop_assert!(apart <= 1e-6 * deviation, "deviation of {}: {} {}", name, deviation, other_deviation);
+        prop_assert!(
+            apart <= 1e-6 * deviation,
+            "deviation of {}: {} {}",
+            name,
+            deviation,
+            other_deviation
+        );
     }
     for (error, other) in errors(a).into_iter().zip(errors(b)) {
         prop_assert!((error - other).abs() <= ROUNDING * error, "{} {}", error, other);
@@ -84,7 +97,8 @@ fn renamed(robot: &Robot, names: &[String]) -> Robot {
         joint.name.clone_from(name);
         joint
     });
-    Robot::new(robot.name(), joints.collect(), robot.links().to_vec(), vec![], robot.gravity()).expect("other names")
+    Robot::new(robot.name(), joints.collect(), robot.links().to_vec(), vec![], robot.gravity())
+        .expect("other names")
 }
 
 /// The robot whose joints count the other way where `reversed`.
@@ -94,7 +108,8 @@ fn turned(robot: &Robot, reversed: &[bool]) -> Robot {
         joint.axis = if *reversed { joint.axis * -1.0 } else { joint.axis };
         joint
     });
-    Robot::new(robot.name(), joints.collect(), robot.links().to_vec(), vec![], robot.gravity()).expect("other axes")
+    Robot::new(robot.name(), joints.collect(), robot.links().to_vec(), vec![], robot.gravity())
+        .expect("other axes")
 }
 
 fn turned_log(log: &Recording, reversed: &[bool]) -> Recording {
@@ -104,7 +119,8 @@ fn turned_log(log: &Recording, reversed: &[bool]) -> Recording {
     };
     let (names, time) = (log.joint_names().to_vec(), log.time().to_vec());
     let (velocity, torque) = (log.velocity().map(sign), log.torque().map(sign));
-    Recording::new(log.source(), names, time, sign(log.position()), velocity, torque, vec![]).expect("one length")
+    Recording::new(log.source(), names, time, sign(log.position()), velocity, torque, vec![])
+        .expect("one length")
 }
 
 fn shifted(log: &Recording, by: i64) -> Recording {
@@ -112,7 +128,8 @@ fn shifted(log: &Recording, by: i64) -> Recording {
     let (position, velocity, torque) = (log.position().to_vec(), log.velocity(), log.torque());
     let names = log.joint_names().to_vec();
     let [velocity, torque] = [velocity, torque].map(|values| values.map(<[f64]>::to_vec));
-    Recording::new(log.source(), names, time, position, velocity, torque, vec![]).expect("one length")
+    Recording::new(log.source(), names, time, position, velocity, torque, vec![])
+        .expect("one length")
 }
 
 /// Written in other units, every digit of it, and read with these units named.
@@ -120,7 +137,9 @@ fn through_units(log: &Recording) -> Recording {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join(log.source().rsplit('/').next().expect("a name"));
     let n = log.dof();
-    let columns = |ending: &str| (0..n).map(|joint| format!("{ending}_{}", joint + 1)).collect::<Vec<_>>().join(",");
+    let columns = |ending: &str| {
+        (0..n).map(|joint| format!("{ending}_{}", joint + 1)).collect::<Vec<_>>().join(",")
+    };
     let mut text = format!("t,{},{},{}\n", columns("q"), columns("dq"), columns("tau"));
     let (dq, tau) = (log.velocity().expect("logged"), log.torque().expect("logged"));
     for k in 0..log.len() {
@@ -175,7 +194,8 @@ proptest! {
         let (other, test) = (turned(&robot, &reversed), turned_log(&read("test"), &reversed));
         let other_logs: Vec<Recording> = logs.iter().map(|log| turned_log(log, &reversed)).collect();
         let (a, b) = (fitted(&robot, &logs, method.clone()), fitted(&other, &other_logs, method));
-        let found = [compare(&a, &[read("test")], None), compare(&b, &[test], None)].map(|found| found.expect("a good log"));
+        let found = [compare(&a, &[read("test")], None), compare(&b, &[test], None)].map(|found| found.expect("a \
+             good log"));
         for (one, other) in found[0].joints.iter().zip(&found[1].joints) {
             prop_assert!((one.rmse - other.rmse).abs() <= ROUNDING * one.rmse, "{:?} {:?}", one, other);
         }
@@ -189,7 +209,8 @@ fn units_are_converted_without_loss() {
     for (log, converted) in logs.iter().zip(&converted) {
         assert_eq!(log.time(), converted.time());
     }
-    same(&fitted(&robot, &logs, Method::Wls), &fitted(&robot, &converted, Method::Wls)).expect("the same");
+    same(&fitted(&robot, &logs, Method::Wls), &fitted(&robot, &converted, Method::Wls))
+        .expect("the same");
 }
 
 #[test]
@@ -198,35 +219,52 @@ fn copies_and_overlaps_count_once() {
     let renamed = logs[0].clone().with_source("a copy");
     let overlap = logs[1].slice(logs[1].len() / 3..logs[1].len() / 2);
     let more: Vec<Recording> = logs.iter().cloned().chain([renamed, overlap]).collect();
-    let fit = |logs: &[Recording]| identify(&robot, logs, &options(Method::Wls), &()).expect("good logs");
+    let fit =
+        |logs: &[Recording]| identify(&robot, logs, &options(Method::Wls), &()).expect("good logs");
     let ((once, _), (again, report)) = (fit(&logs), fit(&more));
     assert_eq!(once.parameters(), again.parameters());
-    assert_eq!(once.fit().expect("identified").covariance, again.fit().expect("identified").covariance);
-    let said: Vec<&String> = report.warnings.iter().filter(|warning| warning.contains("would count twice")).collect();
+    assert_eq!(
+        once.fit().expect("identified").covariance,
+        again.fit().expect("identified").covariance
+    );
+    let said: Vec<&String> =
+        report.warnings.iter().filter(|warning| warning.contains("would count twice")).collect();
     assert_eq!(said.len(), 2, "{:?}", report.warnings);
 }
 
 #[test]
 fn every_motion_again_says_the_same_more_surely() {
     let (robot, logs) = (robot(), train());
-    // The same motion, run again: other noise, which is too small to matter, so that no sample is the same.
+    // The same motion, run again: other noise, which is too small to matter, so that no sample is
+    // the same.
     let again = |log: &Recording, time: usize| {
         let scale = 1.0 + 1e-13 * time as f64;
         let tau = log.torque().expect("measured").iter().map(|tau| tau * scale).collect();
-        let (names, time, q) = (log.joint_names().to_vec(), log.time().to_vec(), log.position().to_vec());
+        let (names, time, q) =
+            (log.joint_names().to_vec(), log.time().to_vec(), log.position().to_vec());
         let dq = log.velocity().map(<[f64]>::to_vec);
-        Recording::new("again", names, time, q, dq, Some(tau), vec![]).expect("arrays of one length")
+        Recording::new("again", names, time, q, dq, Some(tau), vec![])
+            .expect("arrays of one length")
     };
     let times = |count: usize| -> Vec<Recording> {
         (0..count).flat_map(|time| logs.iter().map(move |log| again(log, time))).collect()
     };
     // Of fewer rows the parameters take a share that counts.
-    let (once, twice) = (fitted(&robot, &times(8), Method::Ols), fitted(&robot, &times(16), Method::Ols));
-    for (k, ([value, deviation], [other, smaller])) in numbers(&once).into_iter().zip(numbers(&twice)).enumerate() {
+    let (once, twice) =
+        (fitted(&robot, &times(8), Method::Ols), fitted(&robot, &times(16), Method::Ols));
+    for (k, ([value, deviation], [other, smaller])) in
+        numbers(&once).into_iter().zip(numbers(&twice)).enumerate()
+    {
         let name = &once.base().names()[k];
-        assert!((value - other).abs() <= ROUNDING * (value.abs() + deviation), "{name}: {value} {other}");
+        assert!(
+            (value - other).abs() <= ROUNDING * (value.abs() + deviation),
+            "{name}: {value} {other}"
+        );
         // Twice the rows of the same noise: a variance of half, but for the parameters that the
         // noise counts.
-        assert!((deviation / smaller / 2f64.sqrt() - 1.0).abs() < 0.05, "{name}: {deviation} {smaller}");
+        assert!(
+            (deviation / smaller / 2f64.sqrt() - 1.0).abs() < 0.05,
+            "{name}: {deviation} {smaller}"
+        );
     }
 }

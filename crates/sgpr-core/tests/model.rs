@@ -9,8 +9,8 @@ use common::{data, largest_difference};
 use sgpr_core::dynamics::Samples;
 use sgpr_core::identification::{Finding, Method};
 use sgpr_core::model::{
-    IdentificationReport, IdentifyError, IdentifyOptions, Predictor, Start, StreamedMotion, TorqueModel, compare,
-    compare_streaming, cutoff_influence, identify, screen,
+    IdentificationReport, IdentifyError, IdentifyOptions, Predictor, Start, StreamedMotion,
+    TorqueModel, compare, compare_streaming, cutoff_influence, identify, screen,
 };
 use sgpr_core::motion::{MotionError, TorqueBand, average_periods};
 use sgpr_core::recording::{LogSet, Recording, csv};
@@ -31,7 +31,8 @@ fn train() -> Vec<Recording> {
 }
 
 fn options() -> IdentifyOptions {
-    let effects = ["viscous_friction", "coulomb_friction", "rotor_inertia"].map(String::from).to_vec();
+    let effects =
+        ["viscous_friction", "coulomb_friction", "rotor_inertia"].map(String::from).to_vec();
     IdentifyOptions::default().with_effects(effects)
 }
 
@@ -41,7 +42,8 @@ fn identification_beats_the_robot_file_on_a_log_it_has_not_seen() {
     let (model, report) = identify(&robot, &train, &options(), &()).expect("good logs");
     assert_eq!(report.samples, 15_000);
     let identified = compare(&model, &test, None).expect("a good log");
-    let nominal = compare(&TorqueModel::nominal(&robot), &test, model.processing()).expect("a good log");
+    let nominal =
+        compare(&TorqueModel::nominal(&robot), &test, model.processing()).expect("a good log");
     for (after, before) in identified.joints.iter().zip(&nominal.joints) {
         assert!(after.rmse < 0.5 * before.rmse, "{}: {} {}", after.joint, after.rmse, before.rmse);
         assert!(after.fit_percent > 85.0 && after.r2 > 0.98, "{after:?}");
@@ -79,7 +81,9 @@ fn a_model_read_back_predicts_the_same_bits() {
     let bytes = std::fs::read(&path).expect("readable");
     let head = String::from_utf8_lossy(&bytes[..8000]);
     assert!(
-        head.contains("sgpr torque model") && head.contains("joint_2.Ixx") && head.contains("weighted least squares")
+        head.contains("sgpr torque model")
+            && head.contains("joint_2.Ixx")
+            && head.contains("weighted least squares")
     );
 }
 
@@ -87,7 +91,8 @@ fn a_model_read_back_predicts_the_same_bits() {
 fn damaged_and_hostile_model_files_are_refused() {
     let model = TorqueModel::nominal(&robot());
     let good = model.to_bytes();
-    let message = |bytes: &[u8]| TorqueModel::from_bytes(bytes, "x.sgpr").expect_err("damaged").to_string();
+    let message =
+        |bytes: &[u8]| TorqueModel::from_bytes(bytes, "x.sgpr").expect_err("damaged").to_string();
     assert_eq!(message(b""), "x.sgpr: not a torque model, or damaged: the file is empty");
     for other in [&b"t,q_1"[..], b"t,q_1,q_2,tau_1,tau_2\n"] {
         assert!(message(other).contains("it does not begin as the files do"));
@@ -102,13 +107,17 @@ fn damaged_and_hostile_model_files_are_refused() {
         assert_eq!(from.len(), to.len());
         let text = String::from_utf8_lossy(&good).into_owned();
         assert!(text.contains(from), "{from}");
-        let at = good.windows(from.len()).position(|window| window == from.as_bytes()).expect("there");
+        let at =
+            good.windows(from.len()).position(|window| window == from.as_bytes()).expect("there");
         let mut bytes = good.clone();
         bytes[at..at + to.len()].copy_from_slice(to.as_bytes());
         message(&bytes)
     };
     assert!(text("version\\\":1,", "version\\\":9,").contains("up to 1: update"));
-    assert!(text("sgpr torque model", "another kind of!!").contains("its head says `another kind of!!`"));
+    assert!(
+        text("sgpr torque model", "another kind of!!")
+            .contains("its head says `another kind of!!`")
+    );
     assert!(text("joint_3.Ixx", "joint_3.Ixz").contains("not those of its robot"));
     // Not a number among the parameters.
     let mut nan = good.clone();
@@ -152,8 +161,14 @@ fn another_cutoff_changes_little_and_the_influence_is_told() {
     for influence in &influences {
         assert!(influence.cutoff_hz != chosen && influence.typical_change > 0.0);
         assert!(influence.largest_change >= influence.typical_change);
-        let other = compare(&influence.model, &test, model.processing()).expect("a good log").relative_error_percent;
-        assert!(other < 1.5 * reference, "{} Hz: {other} % instead of {reference} %", influence.cutoff_hz);
+        let other = compare(&influence.model, &test, model.processing())
+            .expect("a good log")
+            .relative_error_percent;
+        assert!(
+            other < 1.5 * reference,
+            "{} Hz: {other} % instead of {reference} %",
+            influence.cutoff_hz
+        );
     }
     // A log that overlaps another counts once here, too, as in the identification itself.
     let again: Vec<Recording> = [&train[..], &[train[0].slice(0..2500)]].concat();
@@ -164,7 +179,8 @@ fn another_cutoff_changes_little_and_the_influence_is_told() {
     }
 }
 
-/// Recording of the two-link arm, lying flat, following sums of sines with the torque `tau(t, q, dq, ddq)`.
+/// Recording of the two-link arm, lying flat, following sums of sines with the torque
+/// `tau(t, q, dq, ddq)`.
 fn two_link_recording(robot: &Robot, seconds: f64, model: &TorqueModel) -> Recording {
     let rate = 200.0;
     let samples = (seconds * rate) as usize;
@@ -188,13 +204,15 @@ fn two_link_recording(robot: &Robot, seconds: f64, model: &TorqueModel) -> Recor
     let tau = model.predict(Samples { q: &q, dq: &dq, ddq: &ddq });
     let time = (0..samples).map(|k| (k as f64 / rate * 1e9).round() as i64).collect();
     let names = robot.joint_names().map(String::from).collect();
-    Recording::new("two_link", names, time, q, None, Some(tau), vec![]).expect("arrays of one length")
+    Recording::new("two_link", names, time, q, None, Some(tau), vec![])
+        .expect("arrays of one length")
 }
 
 #[test]
 fn the_error_of_an_internal_model_is_identified_from_its_feedback_torque() {
-    // The thesis's case 2: the robot has the base parameters [1.25, -0.5, 0, 0.5] (joint frames: +0.5), the internal model
-    // is wrong by [1, -1, 1, 1]; the feedback torque is what the internal model leaves over.
+    // The thesis's case 2: the robot has the base parameters [1.25, -0.5, 0, 0.5] (joint frames:
+    // +0.5), the internal model is wrong by [1, -1, 1, 1]; the feedback torque is what the internal
+    // model leaves over.
     let robot = two_link().with_gravity(Vector3::new(0.0, 0.0, -9.81));
     let truth = TorqueModel::nominal(&robot);
     let mut wrong = robot.standard_parameters();
@@ -232,7 +250,13 @@ fn the_error_of_an_internal_model_is_identified_from_its_feedback_torque() {
     let corrected = internal.plus(&error);
     let comparison = compare(&corrected, &[whole], error.processing()).expect("a good log");
     assert!(comparison.relative_error_percent < 0.1, "{}", comparison.relative_error_percent);
-    assert!(corrected.provenance().history.iter().any(|line| line.contains("error of an internal model")));
+    assert!(
+        corrected
+            .provenance()
+            .history
+            .iter()
+            .any(|line| line.contains("error of an internal model"))
+    );
 }
 
 #[test]
@@ -243,12 +267,18 @@ fn periods_are_averaged_with_their_spread() {
     let clean = two_link_recording(&robot, 40.0, &model);
     let mut state = 7u64;
     let mut noise = || {
-        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        state =
+            state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         (state >> 11) as f64 / (1u64 << 52) as f64 - 1.0
     };
     // Uniform noise on [-a, a] has the standard deviation a / sqrt(3).
-    let tau: Vec<f64> =
-        clean.torque().expect("made").iter().enumerate().map(|(k, t)| t + [0.3, 0.6][k % 2] * noise()).collect();
+    let tau: Vec<f64> = clean
+        .torque()
+        .expect("made")
+        .iter()
+        .enumerate()
+        .map(|(k, t)| t + [0.3, 0.6][k % 2] * noise())
+        .collect();
     let noisy = Recording::new(
         "noisy",
         clean.joint_names().to_vec(),
@@ -270,7 +300,8 @@ fn periods_are_averaged_with_their_spread() {
     let rms = (error.map(|(a, b)| (a - b).powi(2)).sum::<f64>() / 1600.0).sqrt();
     assert!(rms < 0.3 / 8f64.sqrt(), "{rms}");
 
-    let message = |period, skip| average_periods(&noisy, period, skip).expect_err("impossible").to_string();
+    let message =
+        |period, skip| average_periods(&noisy, period, skip).expect_err("impossible").to_string();
     assert!(message(4.0013, 0).contains("800.26 samples"), "{}", message(4.0013, 0));
     assert!(message(4.0, 9).contains("leave 1: an average needs two"), "{}", message(4.0, 9));
     assert!(message(-1.0, 0).contains("a period of -1 s is none"));
@@ -282,20 +313,28 @@ type Change<'a> = &'a dyn Fn(&mut Vec<i64>, &mut Vec<f64>, &mut Option<Vec<f64>>
 #[test]
 fn logs_that_cannot_be_used_are_refused_with_advice() {
     let (robot, log) = (robot(), read("train_1"));
-    let message =
-        |recordings: &[Recording]| identify(&robot, recordings, &options(), &()).expect_err("bad").to_string();
+    let message = |recordings: &[Recording]| {
+        identify(&robot, recordings, &options(), &()).expect_err("bad").to_string()
+    };
     let changed = |change: Change<'_>| {
         let mut names = log.joint_names().to_vec();
         let (mut time, mut q, mut tau) =
             (log.time().to_vec(), log.position().to_vec(), log.torque().map(<[f64]>::to_vec));
         change(&mut time, &mut q, &mut tau, &mut names);
-        [Recording::new("log.csv", names, time, q, None, tau, vec![]).expect("arrays of one length")]
+        [Recording::new("log.csv", names, time, q, None, tau, vec![])
+            .expect("arrays of one length")]
     };
     assert!(message(&[]).contains("no recording"));
     let text = message(&changed(&|_, q, _, _| q[6 * 100 + 2] = f64::NAN));
-    assert!(text.contains("log.csv: the position of `joint_3` is not a number 0.400 s after the start"), "{text}");
+    assert!(
+        text.contains("log.csv: the position of `joint_3` is not a number 0.400 s after the start"),
+        "{text}"
+    );
     let text = message(&changed(&|time, _, _, _| time.swap(50, 51)));
-    assert!(text.contains("time does not increase after sample 51") && text.contains("sort"), "{text}");
+    assert!(
+        text.contains("time does not increase after sample 51") && text.contains("sort"),
+        "{text}"
+    );
     let text = message(&changed(&|time, _, _, _| {
         time.iter_mut().enumerate().for_each(|(k, t)| *t += i64::from(k % 2 == 0) * 1_000_000);
     }));
@@ -308,11 +347,18 @@ fn logs_that_cannot_be_used_are_refused_with_advice() {
     assert!(text.contains("too short for this filter"), "{text}");
     let mut high = options();
     high.conditioning.cutoff_hz = Some(400.0);
-    let text = identify(&robot, std::slice::from_ref(&log), &high, &()).expect_err("above Nyquist").to_string();
+    let text = identify(&robot, std::slice::from_ref(&log), &high, &())
+        .expect_err("above Nyquist")
+        .to_string();
     assert!(text.contains("between 2.5e-3 and 125 Hz"), "{text}");
     let mut unknown = options();
     unknown.effects.push("stiction".into());
-    assert!(identify(&robot, &[log], &unknown, &()).expect_err("unknown").to_string().contains("`stiction`"));
+    assert!(
+        identify(&robot, &[log], &unknown, &())
+            .expect_err("unknown")
+            .to_string()
+            .contains("`stiction`")
+    );
 }
 
 #[test]
@@ -322,37 +368,51 @@ fn a_joint_without_measured_torque_is_named() {
         torque.iter_mut().skip(2).step_by(6).for_each(|tau| *tau = 0.0);
         let (joints, time) = (log.joint_names().to_vec(), log.time().to_vec());
         let velocity = log.velocity().map(<[f64]>::to_vec);
-        Recording::new("log", joints, time, log.position().to_vec(), velocity, Some(torque), vec![]).expect("fits")
+        Recording::new("log", joints, time, log.position().to_vec(), velocity, Some(torque), vec![])
+            .expect("fits")
     };
     let train = train();
     let all_silent: Vec<Recording> = train.iter().map(silent).collect();
     let error = identify(&robot(), &all_silent, &options(), &()).expect_err("no torque");
     assert!(matches!(&error, IdentifyError::NoTorque { joint } if joint == "joint_3"), "{error}");
     assert!(error.to_string().contains("`joint_3` is zero in every sample"), "{error}");
-    identify(&robot(), &[silent(&train[0]), train[1].clone()], &options(), &()).expect("one log has it");
+    identify(&robot(), &[silent(&train[0]), train[1].clone()], &options(), &())
+        .expect("one log has it");
 }
 
-/// What is found in the first log after its positions and torques were changed; torques come some samples late.
+/// What is found in the first log after its positions and torques were changed; torques come some
+/// samples late.
 fn found_in(change: impl Fn(usize, &mut f64, &mut f64), late: isize) -> Vec<Finding> {
     let (robot, log) = (robot(), read("train_1"));
     let (mut q, tau) = (log.position().to_vec(), log.torque().expect("logged"));
     let samples = log.len() as isize;
     let from = |k: usize| (k as isize - late).clamp(0, samples - 1) as usize;
-    let mut tau: Vec<f64> = (0..log.len()).flat_map(|k| tau[6 * from(k)..6 * from(k) + 6].to_vec()).collect();
+    let mut tau: Vec<f64> =
+        (0..log.len()).flat_map(|k| tau[6 * from(k)..6 * from(k) + 6].to_vec()).collect();
     q.iter_mut().zip(&mut tau).enumerate().for_each(|(index, (q, tau))| change(index % 6, q, tau));
     let (joints, time) = (log.joint_names().to_vec(), log.time().to_vec());
     let log = Recording::new("log", joints, time, q, None, Some(tau), vec![]).expect("fits");
-    let (model, _) = identify(&robot, std::slice::from_ref(&log), &options(), &()).expect("good logs");
-    screen(&model, &[log]).expect("good logs").into_iter().filter(|f| !matches!(f, Finding::Outliers { .. })).collect()
+    let (model, _) =
+        identify(&robot, std::slice::from_ref(&log), &options(), &()).expect("good logs");
+    screen(&model, &[log])
+        .expect("good logs")
+        .into_iter()
+        .filter(|f| !matches!(f, Finding::Outliers { .. }))
+        .collect()
 }
 
 #[test]
 fn mistakes_in_logs_are_named_and_good_logs_pass() {
     assert_eq!(found_in(|_, _, _| {}, 0), []);
-    let names = |joints: &[usize]| joints.iter().map(|joint| format!("joint_{joint}")).collect::<Vec<_>>();
+    let names =
+        |joints: &[usize]| joints.iter().map(|joint| format!("joint_{joint}")).collect::<Vec<_>>();
     for wrong in [&[3][..], &[2, 3], &[1], &[2, 4, 6], &[1, 2, 3, 5]] {
-        let found = found_in(|joint, _, tau| *tau *= if wrong.contains(&(joint + 1)) { -1.0 } else { 1.0 }, 0);
-        let negated: Vec<Finding> = names(wrong).into_iter().map(|joint| Finding::Negated { joint }).collect();
+        let found = found_in(
+            |joint, _, tau| *tau *= if wrong.contains(&(joint + 1)) { -1.0 } else { 1.0 },
+            0,
+        );
+        let negated: Vec<Finding> =
+            names(wrong).into_iter().map(|joint| Finding::Negated { joint }).collect();
         assert_eq!(found, negated);
     }
     for (wrong, right) in [(0.2, 5.0), (1000.0, 0.001)] {
@@ -363,7 +423,11 @@ fn mistakes_in_logs_are_named_and_good_logs_pass() {
     // A position with the wrong sign is another arm, in which friction would drive the joint.
     let found = found_in(|joint, q, _| *q *= if joint == 2 { -1.0 } else { 1.0 }, 0);
     assert_eq!(found, [Finding::Driven { joint: "joint_3".into() }]);
-    assert!(found[0].to_string().contains("the torque or the position of joint_3 looks negated"), "{}", found[0]);
+    assert!(
+        found[0].to_string().contains("the torque or the position of joint_3 looks negated"),
+        "{}",
+        found[0]
+    );
     for (samples, seconds) in [(3, 0.012), (-3, -0.012), (10, 0.040)] {
         let found = found_in(|_, _, _| {}, samples);
         let [Finding::AllLate { seconds: named, .. }] = found[..] else { panic!("{found:?}") };
@@ -371,15 +435,19 @@ fn mistakes_in_logs_are_named_and_good_logs_pass() {
     }
 }
 
-/// The training logs with torques that a filter has passed over, forward and backward, if there is one.
+/// The training logs with torques that a filter has passed over, forward and backward, if there is
+/// one.
 fn low_passed(cutoff_hz: Option<f64>) -> Vec<Recording> {
     let filtered = |log: &Recording| {
         let mut tau = log.torque().expect("logged").to_vec();
         if let Some(hz) = cutoff_hz {
-            LowPass::butterworth(2, hz, 250.0).and_then(|filter| filter.apply(&mut tau, 6)).expect("below Nyquist");
+            LowPass::butterworth(2, hz, 250.0)
+                .and_then(|filter| filter.apply(&mut tau, 6))
+                .expect("below Nyquist");
         }
         let (joints, time) = (log.joint_names().to_vec(), log.time().to_vec());
-        Recording::new("log", joints, time, log.position().to_vec(), None, Some(tau), vec![]).expect("fits")
+        Recording::new("log", joints, time, log.position().to_vec(), None, Some(tau), vec![])
+            .expect("fits")
     };
     train().iter().map(filtered).collect()
 }
@@ -397,7 +465,9 @@ fn torques_that_end_early_are_named_with_a_band_in_which_they_can_be_compared() 
     assert_eq!(end(&report), None);
     // Judged by torques that no filter has touched.
     let error = |model: &TorqueModel| {
-        compare(model, &[read("test")], raw.processing()).expect("a good log").relative_error_percent
+        compare(model, &[read("test")], raw.processing())
+            .expect("a good log")
+            .relative_error_percent
     };
     for cutoff_hz in [1.5, 2.5] {
         let logs = low_passed(Some(cutoff_hz));
@@ -409,7 +479,10 @@ fn torques_that_end_early_are_named_with_a_band_in_which_they_can_be_compared() 
         let (below, report) = identify(&robot, &logs, &given, &()).expect("good logs");
         assert_eq!(end(&report), None, "nothing ends in this band");
         let [raw, below, whole] = [&raw, &below, &whole].map(error);
-        assert!(raw < below && below < whole && below < 1.1 * raw, "{cutoff_hz} Hz: {raw} {below} {whole}");
+        assert!(
+            raw < below && below < whole && below < 1.1 * raw,
+            "{cutoff_hz} Hz: {raw} {below} {whole}"
+        );
     }
 }
 
@@ -418,11 +491,20 @@ fn torques_in_another_unit_than_the_robot_file_are_named() {
     let (robot, log) = (robot(), read("train_1"));
     let tau = log.torque().expect("logged").iter().map(|tau| 1000.0 * tau).collect();
     let (joints, time) = (log.joint_names().to_vec(), log.time().to_vec());
-    let log = Recording::new("log", joints, time, log.position().to_vec(), None, Some(tau), vec![]).expect("fits");
+    let log = Recording::new("log", joints, time, log.position().to_vec(), None, Some(tau), vec![])
+        .expect("fits");
     let (_, report) = identify(&robot, &[log], &options(), &()).expect("good logs");
-    assert!(report.warnings.iter().any(|text| text.contains("times what the masses")), "{:?}", report.warnings);
+    assert!(
+        report.warnings.iter().any(|text| text.contains("times what the masses")),
+        "{:?}",
+        report.warnings
+    );
     let (_, report) = identify(&robot, &train(), &options(), &()).expect("good logs");
-    assert!(!report.warnings.iter().any(|text| text.contains("times what the masses")), "{:?}", report.warnings);
+    assert!(
+        !report.warnings.iter().any(|text| text.contains("times what the masses")),
+        "{:?}",
+        report.warnings
+    );
 }
 
 #[test]
@@ -440,8 +522,8 @@ fn a_set_of_logs_is_conditioned_once_and_says_what_its_list_says() {
     let list = [train.slice(0..half), train.slice(half / 2..train.len())];
     let set = LogSet::new(&list);
     assert_eq!((set.len(), set.notes().len()), (2, 1));
-    let [model, of_list] =
-        [&set[..], &list[..]].map(|logs| identify(&robot, logs, &options(), &()).expect("good logs").0);
+    let [model, of_list] = [&set[..], &list[..]]
+        .map(|logs| identify(&robot, logs, &options(), &()).expect("good logs").0);
     assert_eq!(model.parameters(), of_list.parameters());
 
     let nominal = TorqueModel::nominal(&robot);
@@ -451,7 +533,8 @@ fn a_set_of_logs_is_conditioned_once_and_says_what_its_list_says() {
     assert_eq!(total, train.len(), "every sample once");
     let before = compare(&nominal, &set, model.processing()).expect("good logs");
     assert_eq!(before, compare(&nominal, &list, model.processing()).expect("good logs"));
-    let streamed = compare_streaming(&model, set.clone(), None, StreamedMotion::Filtered).expect("good logs");
+    let streamed =
+        compare_streaming(&model, set.clone(), None, StreamedMotion::Filtered).expect("good logs");
     for others in [&before, &streamed] {
         let pairs = own.logs.iter().zip(&others.logs);
         assert!(
@@ -500,15 +583,29 @@ fn a_joint_that_never_moves_is_named() {
         "{:?}",
         report.warnings
     );
-    let index = model.base().names().iter().position(|name| name == "joint_6.Fv").expect("a base parameter");
+    let index = model
+        .base()
+        .names()
+        .iter()
+        .position(|name| name == "joint_6.Fv")
+        .expect("a base parameter");
     let (value, deviation) = (fit.values[index], fit.standard_deviations[index]);
     // It stays at the robot file's, which is none, but for rounding of what the prior solves for.
-    assert!(deviation.is_finite() && value.abs() < 1e-9 * deviation, "the prior holds it: {value} ± {deviation}");
-    assert!(report.warnings.iter().any(|w| w.contains("`joint_6` must move")), "{:?}", report.warnings);
+    assert!(
+        deviation.is_finite() && value.abs() < 1e-9 * deviation,
+        "the prior holds it: {value} ± {deviation}"
+    );
+    assert!(
+        report.warnings.iter().any(|w| w.contains("`joint_6` must move")),
+        "{:?}",
+        report.warnings
+    );
     let bare = options().with_prior(None);
     let (model, report) = identify(&robot, &still, &bare, &()).expect("the others move");
     let fit = model.fit().expect("identified");
-    assert!(report.warnings.iter().any(|w| w.contains("does not excite") && w.contains("joint_6.Fv")));
+    assert!(
+        report.warnings.iter().any(|w| w.contains("does not excite") && w.contains("joint_6.Fv"))
+    );
     assert!(fit.standard_deviations[index].is_infinite());
     // And such a model can be kept.
     let back = TorqueModel::from_bytes(&model.to_bytes(), "memory").expect("valid");
@@ -520,7 +617,9 @@ fn gaps_cut_a_log_and_nothing_is_filtered_across_them() {
     let (robot, log) = (robot(), read("train_1"));
     // The same log with half a second missing in the middle, and the two halves as two logs.
     let keep: Vec<usize> = (0..log.len()).filter(|k| !(2400..2525).contains(k)).collect();
-    let pick = |values: &[f64]| keep.iter().flat_map(|k| values[6 * k..6 * k + 6].to_vec()).collect::<Vec<_>>();
+    let pick = |values: &[f64]| {
+        keep.iter().flat_map(|k| values[6 * k..6 * k + 6].to_vec()).collect::<Vec<_>>()
+    };
     let gap = Recording::new(
         "gap",
         log.joint_names().to_vec(),
@@ -537,8 +636,10 @@ fn gaps_cut_a_log_and_nothing_is_filtered_across_them() {
     let halves = [log.slice(0..2400), log.slice(2525..log.len())];
     let (one, _) = identify(&robot, std::slice::from_ref(&gap), &options, &()).expect("good logs");
     let (two, _) = identify(&robot, &halves, &options, &()).expect("good logs");
-    // Equations are the same; what holds the parameters is told by fifths of each log, of one log here, of two there.
-    let unseen = [&one, &two].map(|model| compare(model, &[read("test")], None).expect("a good log"));
+    // Equations are the same; what holds the parameters is told by fifths of each log, of one log
+    // here, of two there.
+    let unseen =
+        [&one, &two].map(|model| compare(model, &[read("test")], None).expect("a good log"));
     let [one, two] = unseen.map(|found| found.relative_error_percent);
     println!("{one:.3} and {two:.3} % of the torque");
     assert!((one / two - 1.0).abs() < 0.1, "{one} {two}");
@@ -559,15 +660,28 @@ fn known_noise_and_an_unfiltered_band_are_possible() {
     let error = compare(&model, &[read("test")], None).expect("a good log");
     assert!(error.relative_error_percent < 4.0, "{}", error.relative_error_percent);
     options.method = Method::WlsKnown(vec![0.34, 0.54, -0.2, 0.023, 0.017, 0.011]);
-    assert!(matches!(identify(&robot, &train, &options, &()), Err(IdentifyError::Identification(_))));
+    assert!(matches!(
+        identify(&robot, &train, &options, &()),
+        Err(IdentifyError::Identification(_))
+    ));
     options.conditioning.decimation = Some(0);
     options.method = Method::Ols;
     identify(&robot, &train, &options, &()).expect("no decimation is a decimation by one");
-    let empty =
-        Recording::new("empty", robot.joint_names().map(String::from).collect(), vec![], vec![], None, None, vec![]);
+    let empty = Recording::new(
+        "empty",
+        robot.joint_names().map(String::from).collect(),
+        vec![],
+        vec![],
+        None,
+        None,
+        vec![],
+    );
     let result = identify(&robot, &[empty.expect("no samples")], &options, &());
     assert!(
-        matches!(result, Err(IdentifyError::Motion(MotionError::TooShort { .. } | MotionError::NoRecording))),
+        matches!(
+            result,
+            Err(IdentifyError::Motion(MotionError::TooShort { .. } | MotionError::NoRecording))
+        ),
         "{result:?}"
     );
 }

@@ -25,12 +25,16 @@ impl Uniform {
 fn points_that_come_and_go_leave_the_exact_process() {
     for shape in [Shape::SquaredExponential, Shape::Matern32] {
         let kernel = Kernel::ard(shape, &[0.7, 1.1]).scaled(2.5);
-        let budget = Budget::default().with_points(40).with_novelty(0.05).with_refresh(0).with_memory(300);
-        let mut online = OnlineGaussianProcess::new(kernel.clone(), 2, 2, 1e-3, budget).expect("valid");
+        let budget =
+            Budget::default().with_points(40).with_novelty(0.05).with_refresh(0).with_memory(300);
+        let mut online =
+            OnlineGaussianProcess::new(kernel.clone(), 2, 2, 1e-3, budget).expect("valid");
         let mut random = Uniform(3);
         for step in 0..1000 {
             let x = [4.0 * random.next(), 4.0 * random.next()];
-            online.add(&x, &[x[0].sin() * x[1], x[1].cos() + 0.001 * f64::from(step)]).expect("finite");
+            online
+                .add(&x, &[x[0].sin() * x[1], x[1].cos() + 0.001 * f64::from(step)])
+                .expect("finite");
             if step % 37 == 0 {
                 online.remove((random.next() * online.len() as f64) as usize);
             }
@@ -38,7 +42,8 @@ fn points_that_come_and_go_leave_the_exact_process() {
         }
         assert!(online.len() > 20, "only {} points", online.len());
         let data = Data::new(online.x().to_vec(), 2, online.y().to_vec(), 2).expect("finite");
-        let exact = GaussianProcess::fit(data, Covariance::new(kernel, 1e-3), &Compute::default()).expect("definite");
+        let exact = GaussianProcess::fit(data, Covariance::new(kernel, 1e-3), &Compute::default())
+            .expect("definite");
         for _ in 0..50 {
             let x = [4.0 * random.next(), 4.0 * random.next()];
             let expected = exact.predict(&x, true).expect("finite");
@@ -47,7 +52,11 @@ fn points_that_come_and_go_leave_the_exact_process() {
             for (found, expected) in mean.iter().zip(&expected.mean) {
                 assert!((found - expected).abs() < 1e-8, "{found} {expected}");
             }
-            assert!((variance - expected.variance[0]).abs() < 1e-9, "{variance} {}", expected.variance[0]);
+            assert!(
+                (variance - expected.variance[0]).abs() < 1e-9,
+                "{variance} {}",
+                expected.variance[0]
+            );
         }
     }
 }
@@ -62,7 +71,9 @@ fn a_function_that_changes_is_followed() {
             let x = f64::from(k % 100) * 0.06;
             gp.add(&[x], &[x.sin() + offset]).expect("finite");
         }
-        let worst = (0..60).map(|k| 0.1 * f64::from(k)).map(|x| (gp.mean(&[x])[0] - x.sin() - offset).abs());
+        let worst = (0..60)
+            .map(|k| 0.1 * f64::from(k))
+            .map(|x| (gp.mean(&[x])[0] - x.sin() - offset).abs());
         let worst = worst.fold(0.0, f64::max);
         // A share of the largest value, six; a value that stayed would be wrong by five.
         assert!(worst < 0.3, "{worst}");
@@ -87,12 +98,16 @@ fn a_payload_is_recovered() {
         let (mut ws, mut other) = (Workspace::new(&robot), Workspace::new(&loaded));
         for k in 0..4000 {
             let time = 1e-3 * f64::from(k);
-            let wave = |j: usize, phase: f64, size: f64| size * (time * (2.0 + j as f64) + phase).sin();
+            let wave =
+                |j: usize, phase: f64, size: f64| size * (time * (2.0 + j as f64) + phase).sin();
             let of = |phase, size| -> Vec<f64> { (0..6).map(|j| wave(j, phase, size)).collect() };
             let (q, dq, ddq) = (of(0.0, 1.0), of(1.0, 2.0), of(2.0, 8.0));
             let full = rnea(&loaded, &mut other, &q, &dq, &ddq).to_vec();
-            let residual: Vec<f64> =
-                full.iter().zip(rnea(&robot, &mut ws, &q, &dq, &ddq)).map(|(full, arm)| full - arm).collect();
+            let residual: Vec<f64> = full
+                .iter()
+                .zip(rnea(&robot, &mut ws, &q, &dq, &ddq))
+                .map(|(full, arm)| full - arm)
+                .collect();
             tracker.update(1e-3, [&q, &dq, &ddq], &residual, &[true; 6], 1.0);
         }
         let deviations = tracker.standard_deviations();
@@ -128,7 +143,8 @@ fn drives() -> Vec<Drive> {
     puma560_drives().into_iter().map(|drive| drive.with_stiction(1.05, 0.05)).collect()
 }
 
-/// What an identification would have found: the rigid body, rotors, viscous and dry friction in both directions.
+/// What an identification would have found: the rigid body, rotors, viscous and dry friction in
+/// both directions.
 fn known(robot: &Robot) -> Box<dyn InverseDynamics> {
     let mut body = RigidBody::new(robot);
     let drives = drives();
@@ -158,10 +174,14 @@ fn errors(payload: bool, process: bool) -> (Vec<f64>, AdaptiveFeedForward) {
     let sensors = Sensors::default().with_position_resolution(vec![1e-5; 6]);
     let experiment = Experiment::default().with_sensors(sensors);
     let pick_up = PickUp::new(PICK_UP, 5, HELD);
-    let record = simulate_pick_up(&mut arm, &mut controller, &Waves, 8.0, &experiment, &pick_up, &()).expect("stable");
+    let record =
+        simulate_pick_up(&mut arm, &mut controller, &Waves, 8.0, &experiment, &pick_up, &())
+            .expect("stable");
     assert_eq!(record.len(), 8000);
     let pairs = record.q_wanted.chunks_exact(6).zip(record.q.chunks_exact(6));
-    let norm = |(wanted, q): (&[f64], &[f64])| wanted.iter().zip(q).map(|(w, q)| (w - q) * (w - q)).sum::<f64>().sqrt();
+    let norm = |(wanted, q): (&[f64], &[f64])| {
+        wanted.iter().zip(q).map(|(w, q)| (w - q) * (w - q)).sum::<f64>().sqrt()
+    };
     (pairs.map(norm).collect(), controller)
 }
 
@@ -179,12 +199,25 @@ fn tracking_recovers_within_a_second_of_a_pick_up() {
     for (payload, process) in [(true, false), (true, true), (false, true)] {
         let (errors, controller) = errors(payload, process);
         let (own, recovered) = (rms(&errors, 1.0, PICK_UP), rms(&errors, PICK_UP + 1.0, 8.0));
-        println!("payload {payload}, process {process}: {own:.4} before, {recovered:.4} from a second after on");
-        let last = errors.iter().rposition(|error| *error > 0.1 * lost).map_or(PICK_UP, |last| last as f64 / 1000.0);
-        println!("  below a tenth of what is lost without adaptation {:.2} s after", last - PICK_UP);
+        println!(
+            "payload {payload}, process {process}: {own:.4} before, {recovered:.4} from a second \
+             after on"
+        );
+        let last = errors
+            .iter()
+            .rposition(|error| *error > 0.1 * lost)
+            .map_or(PICK_UP, |last| last as f64 / 1000.0);
+        println!(
+            "  below a tenth of what is lost without adaptation {:.2} s after",
+            last - PICK_UP
+        );
         assert!(!payload || last - PICK_UP < 1.0);
         if let Some(tracker) = controller.model().payload() {
-            println!("  mass {:.3} ± {:.3}", tracker.parameters()[0], tracker.standard_deviations()[0]);
+            println!(
+                "  mass {:.3} ± {:.3}",
+                tracker.parameters()[0],
+                tracker.standard_deviations()[0]
+            );
             assert!((tracker.parameters()[0] - HELD[0]).abs() < 0.2);
         }
         assert!(lost > 5.0 * before, "the payload matters: {lost} {before}");
@@ -198,14 +231,19 @@ fn tracking_recovers_within_a_second_of_a_pick_up() {
 #[test]
 fn wrong_use_is_told() {
     let robot = puma560();
-    let payload = |options: PayloadOptions| PayloadTracker::new(&robot, &options).expect_err("wrong").to_string();
+    let payload = |options: PayloadOptions| {
+        PayloadTracker::new(&robot, &options).expect_err("wrong").to_string()
+    };
     assert!(payload(PayloadOptions::new(vec![1.0; 5])).contains("noise: got 5 values, expected 6"));
     let link = PayloadOptions::new(vec![1.0; 6]).with_link(Some(6));
     assert!(payload(link).contains("links 0 to 5"));
     let memory = PayloadOptions::new(vec![1.0; 6]).with_memory(0.0);
     assert!(payload(memory).contains("memory is 0"));
     let mut model = OnlineModel::new(&robot, known(&robot), &options(true, true)).expect("valid");
-    let wrong = model.update(&[0.0, f64::NAN, 0.0, 0.0, 0.0, 0.0], &[0.0; 6]).expect_err("no number").to_string();
+    let wrong = model
+        .update(&[0.0, f64::NAN, 0.0, 0.0, 0.0, 0.0], &[0.0; 6])
+        .expect_err("no number")
+        .to_string();
     assert!(wrong.contains("q: value 1 is NaN"), "{wrong}");
     let budget = Budget::default().with_points(0);
     assert!(OnlineGaussianProcess::new(process_kernel(2), 6, 2, 0.01, budget).is_err());
@@ -219,7 +257,15 @@ fn a_pick_up_outside_of_the_experiment_is_refused() {
     let mut controller = Pd(Gains::uniform(6, 75.0, 5.0));
     for time in [0.0, 2.0, 0.50005] {
         let pick_up = PickUp::new(time, 5, HELD);
-        let run = simulate_pick_up(&mut arm, &mut controller, &Waves, 1.0, &Experiment::default(), &pick_up, &());
+        let run = simulate_pick_up(
+            &mut arm,
+            &mut controller,
+            &Waves,
+            1.0,
+            &Experiment::default(),
+            &pick_up,
+            &(),
+        );
         assert!(run.expect_err("refused").to_string().contains("time of the pick-up"));
     }
 }

@@ -1,4 +1,5 @@
-//! An update of a model that learns allocates nothing. It counts for the whole process: no test harness runs beside it.
+//! An update of a model that learns allocates nothing. It counts for the whole process: no test
+//! harness runs beside it.
 #![allow(missing_docs)]
 
 use std::alloc::System;
@@ -17,7 +18,8 @@ fn main() {
         .with_payload(Some(PayloadOptions::new(vec![1.0; 6])))
         // Every sample is new: the budget is used up, and the oldest point goes each time.
         .with_process(Some(Budget::default().with_novelty(0.0)));
-    let mut model = OnlineModel::new(&robot, Box::new(RigidBody::new(&robot)), &options).expect("valid");
+    let mut model =
+        OnlineModel::new(&robot, Box::new(RigidBody::new(&robot)), &options).expect("valid");
     let (mut q, mut tau, zero) = ([0.0; 6], [0.0; 6], [0.0; 6]);
     let before = MEMORY.total_allocated();
     for k in 0..500 {

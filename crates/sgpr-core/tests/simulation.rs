@@ -28,7 +28,13 @@ fn puma_with_all_friction() -> Vec<Drive> {
 const BOTH: [Integrator; 2] = [Integrator::SemiImplicitEuler, Integrator::RungeKutta4];
 
 /// Where a motion ends after `time` without torque.
-fn free_motion(robot: &Robot, start: (&[f64], &[f64]), integrator: Integrator, step: f64, time: f64) -> Vec<f64> {
+fn free_motion(
+    robot: &Robot,
+    start: (&[f64], &[f64]),
+    integrator: Integrator,
+    step: f64,
+    time: f64,
+) -> Vec<f64> {
     let mut simulator = arm(robot, &without_drives(robot), integrator, step).with_speed_limit(1e4);
     simulator.set_state(start.0, start.1).expect("finite");
     let tau = vec![0.0; robot.dof()];
@@ -54,15 +60,23 @@ fn free_motion_agrees_with_an_adaptive_integrator() {
             // First order: half the step, half the error.
             let coarse = free_motion(&robot, start, Integrator::SemiImplicitEuler, 2e-5, 0.5);
             let fine = free_motion(&robot, start, Integrator::SemiImplicitEuler, 1e-5, 0.5);
-            let (coarse, fine) = (largest_difference(&coarse, expected), largest_difference(&fine, expected));
-            assert!((1.6..2.6).contains(&(coarse / fine)), "{name} from {path}: {coarse:e} {fine:e}");
+            let (coarse, fine) =
+                (largest_difference(&coarse, expected), largest_difference(&fine, expected));
+            assert!(
+                (1.6..2.6).contains(&(coarse / fine)),
+                "{name} from {path}: {coarse:e} {fine:e}"
+            );
         }
     }
 }
 
 #[test]
 fn energy_is_conserved_without_friction() {
-    for robot in [two_link(), ReferenceValues::load("ur5e_like").by_urdf(), ReferenceValues::load("scara").by_urdf()] {
+    for robot in [
+        two_link(),
+        ReferenceValues::load("ur5e_like").by_urdf(),
+        ReferenceValues::load("scara").by_urdf(),
+    ] {
         // A prismatic joint would fall for ever: only two seconds.
         let mut simulator = arm(&robot, &without_drives(&robot), Integrator::RungeKutta4, 1e-4);
         let n = robot.dof();
@@ -84,7 +98,8 @@ fn energy_is_conserved_without_friction() {
 
 #[test]
 fn a_driven_motion_agrees_with_mujoco() {
-    let text = std::fs::read_to_string(data("reference/puma560_driven.json")).expect("bundled file");
+    let text =
+        std::fs::read_to_string(data("reference/puma560_driven.json")).expect("bundled file");
     let reference: serde_json::Value = serde_json::from_str(&text).expect("valid JSON");
     let rows: Vec<Vec<f64>> = serde_json::from_value(reference["motion"].clone()).expect("rows");
     let robot = ReferenceValues::load("puma560").by_dh().expect("a DH robot");
@@ -104,7 +119,8 @@ fn a_driven_motion_agrees_with_mujoco() {
             // Both are Runge-Kutta schemes with the torque held over the same steps.
             assert!(error < 1e-9 && speed_error < 1e-8, "step {step}: {error:e} {speed_error:e}");
         }
-        let tau: Vec<f64> = (0..6).map(|i| amplitude[i] * ((i + 1) as f64 * step as f64 * 1e-4).sin()).collect();
+        let tau: Vec<f64> =
+            (0..6).map(|i| amplitude[i] * ((i + 1) as f64 * step as f64 * 1e-4).sin()).collect();
         simulator.step(&tau).expect("stable");
     }
 }
@@ -146,7 +162,8 @@ fn a_joint_breaks_away_at_its_static_friction_in_either_direction() {
                 simulator.step(&[push, 0.0]).expect("stable");
             }
             assert_eq!(simulator.dq()[0] != 0.0, moves, "{integrator:?} {push}");
-            // Once broken away, the friction is lower: it ends well above what a static balance would leave.
+            // Once broken away, the friction is lower: it ends well above what a static balance
+            // would leave.
             assert!(!moves || sgn(simulator.dq()[0]) == sgn(push));
         }
     }
@@ -155,10 +172,15 @@ fn a_joint_breaks_away_at_its_static_friction_in_either_direction() {
 #[test]
 fn sliding_comes_to_rest_where_the_energy_is_used_up() {
     // A flywheel with Coulomb friction alone: it stops after I v² / (2 Fc).
-    let robot = two_link().with_gravity(Vector3::new(0.0, 0.0, -9.81)).with_standard_parameters(&[0.0; 20]);
-    let drive =
-        Drive::default().with_rotor_inertia(0.5).with_coulomb_friction([2.0, 1.0]).with_static_friction([2.0, 1.0]);
-    for (integrator, tolerance) in [(Integrator::SemiImplicitEuler, 2e-3), (Integrator::RungeKutta4, 1e-6)] {
+    let robot =
+        two_link().with_gravity(Vector3::new(0.0, 0.0, -9.81)).with_standard_parameters(&[0.0; 20]);
+    let drive = Drive::default()
+        .with_rotor_inertia(0.5)
+        .with_coulomb_friction([2.0, 1.0])
+        .with_static_friction([2.0, 1.0]);
+    for (integrator, tolerance) in
+        [(Integrator::SemiImplicitEuler, 2e-3), (Integrator::RungeKutta4, 1e-6)]
+    {
         for (speed, friction) in [(1.5f64, 2.0), (-1.5, -1.0)] {
             let mut simulator = arm(&robot, &[drive; 2], integrator, 1e-3);
             simulator.set_state(&[0.0; 2], &[speed, 0.0]).expect("finite");
@@ -167,7 +189,11 @@ fn sliding_comes_to_rest_where_the_energy_is_used_up() {
             }
             let expected = 0.5 * speed * speed / (2.0 * friction);
             assert_eq!(simulator.dq()[0], 0.0);
-            assert!((simulator.q()[0] - expected).abs() < tolerance, "{integrator:?}: {}", simulator.q()[0] - expected);
+            assert!(
+                (simulator.q()[0] - expected).abs() < tolerance,
+                "{integrator:?}: {}",
+                simulator.q()[0] - expected
+            );
         }
     }
 }
@@ -175,8 +201,10 @@ fn sliding_comes_to_rest_where_the_energy_is_used_up() {
 #[test]
 fn friction_far_stiffer_than_the_step_is_stable() {
     let robot = puma560();
-    let drives: Vec<Drive> =
-        puma_with_all_friction().into_iter().map(|drive| drive.with_viscous_friction(1e6)).collect();
+    let drives: Vec<Drive> = puma_with_all_friction()
+        .into_iter()
+        .map(|drive| drive.with_viscous_friction(1e6))
+        .collect();
     let mut simulator = arm(&robot, &drives, Integrator::SemiImplicitEuler, 1e-3);
     simulator.set_state(&[0.3; 6], &[2.0; 6]).expect("finite");
     for _ in 0..1000 {
@@ -237,7 +265,10 @@ fn both_integrators_come_together_with_all_friction_on() {
         let run = follow(Integrator::SemiImplicitEuler, step, &mut feed_forward(), &experiment);
         errors.push(largest_difference(&run.q, &truth.q));
     }
-    assert!(errors[0] < 2e-3 && errors[1] < errors[0] / 2.0 && errors[2] < errors[1] / 2.0, "{errors:?}");
+    assert!(
+        errors[0] < 2e-3 && errors[1] < errors[0] / 2.0 && errors[2] < errors[1] / 2.0,
+        "{errors:?}"
+    );
 }
 
 #[test]
@@ -269,7 +300,10 @@ fn every_controller_follows_with_a_true_model() {
     let computed = run(&mut ComputedTorque::new(model(), Gains::uniform(6, 400.0, 40.0)));
     let feedback = run(&mut Pd(gains));
     // What is left is the torque held over a millisecond.
-    assert!(forward < 2e-3 && impedance < 2e-3 && computed < 2e-3, "{forward} {impedance} {computed}");
+    assert!(
+        forward < 2e-3 && impedance < 2e-3 && computed < 2e-3,
+        "{forward} {impedance} {computed}"
+    );
     assert!(feedback > 20.0 * forward, "{feedback} without a model");
 }
 
@@ -285,10 +319,12 @@ fn a_soft_impedance_moves_joints_that_stand() {
             tau[joint] += drive.rotor_inertia * ddq[joint] + drive.friction(dq[joint]);
         }
     };
-    // The spring alone would need an error of Fc / K, 2.5 rad at the first joint, before anything moves.
+    // The spring alone would need an error of Fc / K, 2.5 rad at the first joint, before anything
+    // moves.
     let mut soft = JointImpedance::new(model, Gains::uniform(6, 10.0, 2.0));
     let experiment = Experiment::default();
-    let record = follow_with(&drives, Integrator::SemiImplicitEuler, 2.5e-4, &mut soft, &experiment);
+    let record =
+        follow_with(&drives, Integrator::SemiImplicitEuler, 2.5e-4, &mut soft, &experiment);
     let errors = record.tracking_rmse();
     assert!(errors.iter().all(|error| *error < 0.05), "{errors:?}");
 }
@@ -305,7 +341,9 @@ fn noise_and_quantisation_are_what_was_asked_for_and_repeat_to_the_bit() {
         )
         .with_delay(1.5e-3)
         .with_seed(7);
-    let run = |experiment: &Experiment| follow(Integrator::SemiImplicitEuler, 2.5e-4, &mut feed_forward(), experiment);
+    let run = |experiment: &Experiment| {
+        follow(Integrator::SemiImplicitEuler, 2.5e-4, &mut feed_forward(), experiment)
+    };
     let record = run(&experiment);
     assert_eq!(record, run(&experiment), "same inputs, same bits");
     assert_ne!(record, run(&experiment.with_seed(8)));
@@ -313,7 +351,8 @@ fn noise_and_quantisation_are_what_was_asked_for_and_repeat_to_the_bit() {
         assert!((measured - q).abs() < 0.5e-4 + 1e-12);
         assert!((measured / 1e-4 - (measured / 1e-4).round()).abs() < 1e-6);
     }
-    let squares: f64 = record.tau_measured.iter().zip(&record.tau).map(|(a, b)| (a - b) * (a - b)).sum();
+    let squares: f64 =
+        record.tau_measured.iter().zip(&record.tau).map(|(a, b)| (a - b) * (a - b)).sum();
     let deviation = (squares / record.tau.len() as f64).sqrt();
     assert!((deviation - 0.5).abs() < 0.02, "{deviation}");
 }
@@ -333,11 +372,17 @@ fn a_delay_is_a_delay() {
     for (delay, whole) in [(0.0, 0.0), (1e-3, 1e-3), (5e-3, 5e-3), (2.5e-3, 3e-3)] {
         let mut simulator = arm(&robot, &two_link_drives(), Integrator::default(), 2.5e-4);
         let experiment = Experiment::default().with_delay(delay);
-        let record = simulate(&mut simulator, &mut Clock, &Sines(2), 0.05, &experiment, &()).expect("stable");
+        let record = simulate(&mut simulator, &mut Clock, &Sines(2), 0.05, &experiment, &())
+            .expect("stable");
         for (time, tau) in record.time.iter().zip(record.tau.chunks_exact(2)) {
-            // At a control sample the torque of `whole` ago acts; in between, that of the sample before.
+            // At a control sample the torque of `whole` ago acts; in between, that of the sample
+            // before.
             let expected = 1.0 + (*time as f64 * 1e-9 - whole).max(0.0);
-            assert!((tau[0] - expected).abs() < 1e-12, "delay {delay} at {time}: {} {expected}", tau[0]);
+            assert!(
+                (tau[0] - expected).abs() < 1e-12,
+                "delay {delay} at {time}: {} {expected}",
+                tau[0]
+            );
         }
     }
 }
@@ -377,7 +422,8 @@ fn effects_of_the_library_become_drives_and_side_torques() {
     simulator.step(&[20.0, 5.0]).expect("stable");
     // The torque of that motion by the model itself.
     let mut predictor = sgpr_core::model::Predictor::new(
-        &sgpr_core::model::TorqueModel::with_parameters(&robot, &names, parameters).expect("known effects"),
+        &sgpr_core::model::TorqueModel::with_parameters(&robot, &names, parameters)
+            .expect("known effects"),
     );
     let tau = predictor.torque(&[0.1, 0.2], &[0.5, -0.4], simulator.ddq());
     assert!(largest_difference(tau, &[20.0, 5.0]) < 1e-12, "{tau:?}");
@@ -424,23 +470,35 @@ fn effects_at_single_joints_act_or_are_refused() {
     for (name, site, coefficients, reason) in [
         ("transmission_hysteresis", Site::Joint(0), &[1.0][..], "hidden state"),
         ("encoder_offset", Site::Joint(0), &[], "changes robot, motion or torque"),
-        ("payload", Site::Arm, &[50.0, 0.0, 0.0, 0.0, 0.0, 0.0, 9.0, 0.0, 0.0, 9.0], "as an inertia does"),
+        (
+            "payload",
+            Site::Arm,
+            &[50.0, 0.0, 0.0, 0.0, 0.0, 0.0, 9.0, 0.0, 0.0, 9.0],
+            "as an inertia does",
+        ),
     ] {
-        let refused = drives_from_model(&with(vec![term(name, site, coefficients)])).expect_err("cannot be followed");
-        assert!(refused.to_string().contains(name) && refused.to_string().contains(reason), "{refused}");
+        let refused = drives_from_model(&with(vec![term(name, site, coefficients)]))
+            .expect_err("cannot be followed");
+        assert!(
+            refused.to_string().contains(name) && refused.to_string().contains(reason),
+            "{refused}"
+        );
     }
 }
 
 #[test]
 fn effects_with_a_loop_over_the_position_keep_their_state() {
     let robot = two_link();
-    let model = TorqueModel::with_parameters(&robot, &[] as &[&str], robot.standard_parameters()).expect("valid");
+    let model = TorqueModel::with_parameters(&robot, &[] as &[&str], robot.standard_parameters())
+        .expect("valid");
     let of_joint = |name: &str, joint: usize, distance: f64| {
-        let mut term = Term::new(by_name(name).expect("of the library"), Site::Joint(joint), vec![distance]);
+        let mut term =
+            Term::new(by_name(name).expect("of the library"), Site::Joint(joint), vec![distance]);
         term.coefficients = vec![2.0];
         term
     };
-    let terms = vec![of_joint("presliding_friction", 0, 0.01), of_joint("cable_hysteresis", 1, 0.2)];
+    let terms =
+        vec![of_joint("presliding_friction", 0, 0.01), of_joint("cable_hysteresis", 1, 0.2)];
     let known = model.clone().with_terms(terms, Some(0));
     let (drives, side) = drives_from_model(&known).expect("loops over the position");
     let mut simulator = arm(&robot, &drives, Integrator::SemiImplicitEuler, 1e-4);
@@ -458,8 +516,10 @@ fn effects_with_a_loop_over_the_position_keep_their_state() {
     }
     let samples = sgpr_core::dynamics::Samples { q: &q, dq: &dq, ddq: &ddq };
     let trajectory = Trajectory::of_samples(samples).with_rate_hz(1e4).with_time(&time);
-    let missed = |model: &TorqueModel| largest_difference(&model.predict_trajectory(&trajectory), &applied);
-    let reverses = dq.chunks_exact(2).zip(dq[2..].chunks_exact(2)).filter(|(a, b)| a[0] * b[0] < 0.0).count();
+    let missed =
+        |model: &TorqueModel| largest_difference(&model.predict_trajectory(&trajectory), &applied);
+    let reverses =
+        dq.chunks_exact(2).zip(dq[2..].chunks_exact(2)).filter(|(a, b)| a[0] * b[0] < 0.0).count();
     assert!(reverses > 3, "{reverses}");
     assert!(missed(&model) > 1.9 && missed(&known) < 0.02, "{} {}", missed(&model), missed(&known));
 }
@@ -470,13 +530,17 @@ fn bad_input_is_refused_with_names() {
     let drives = puma560_drives();
     let run = |controller: &mut dyn Controller, experiment: &Experiment| {
         let mut simulator = arm(&robot, &drives, Integrator::default(), 1e-3);
-        let error = simulate(&mut simulator, controller, &Sines(6), 1.0, experiment, &()).expect_err("bad");
+        let error =
+            simulate(&mut simulator, controller, &Sines(6), 1.0, experiment, &()).expect_err("bad");
         (error.to_string(), error)
     };
     let experiment = Experiment::default();
     // Gains far beyond what sampling allows.
     let (message, error) = run(&mut Pd(Gains::uniform(6, 1e7, 1e5)), &experiment);
-    assert!(matches!(error, SimulationError::Unstable { .. }) && message.contains("joint `joint_"), "{message}");
+    assert!(
+        matches!(error, SimulationError::Unstable { .. }) && message.contains("joint `joint_"),
+        "{message}"
+    );
     struct Broken;
     impl Controller for Broken {
         fn torque(&mut self, measured: &Measurement<'_>, _: &Setpoint<'_>, tau: &mut [f64]) {
@@ -487,15 +551,19 @@ fn bad_input_is_refused_with_names() {
         }
     }
     let (message, _) = run(&mut Broken, &experiment);
-    assert_eq!(message, "the controller gives NaN for joint `joint_3` at 0.101000 s: a torque is a finite number");
+    assert_eq!(
+        message,
+        "the controller gives NaN for joint `joint_3` at 0.101000 s: a torque is a finite number"
+    );
     let (message, _) = run(&mut Broken, &experiment.clone().with_control_period(1.3e-3));
     assert!(message.starts_with("control_period is 0.0013: a whole number of steps"), "{message}");
     let limits = Some(vec![1.0; 3]);
     let (message, _) = run(&mut Broken, &experiment.with_torque_limits(limits));
     assert_eq!(message, "torque limits: got 3 values for 6 joints: give one for each");
 
-    let message =
-        |drives: &[Drive]| Simulator::new(&robot, drives, Integrator::default(), 1e-3).expect_err("bad").to_string();
+    let message = |drives: &[Drive]| {
+        Simulator::new(&robot, drives, Integrator::default(), 1e-3).expect_err("bad").to_string()
+    };
     assert!(message(&drives[..2]).starts_with("drives: got 2 values for 6 joints"));
     let mut negative = drives.clone();
     negative[4].viscous_friction = -1.0;
@@ -503,7 +571,8 @@ fn bad_input_is_refused_with_names() {
 
     // A joint that moves nothing.
     let massless = two_link().with_standard_parameters(&[0.0; 20]);
-    let error = arm(&massless, &without_drives(&massless), Integrator::default(), 1e-3).step(&[1.0; 2]);
+    let error =
+        arm(&massless, &without_drives(&massless), Integrator::default(), 1e-3).step(&[1.0; 2]);
     assert!(matches!(error, Err(SimulationError::NoInertia { .. })));
 }
 
@@ -517,6 +586,13 @@ fn a_run_stops_when_asked() {
         }
     }
     let mut simulator = arm(&puma560(), &puma560_drives(), Integrator::default(), 2.5e-4);
-    let error = simulate(&mut simulator, &mut feed_forward(), &Sines(6), 5.0, &Experiment::default(), &Stop);
+    let error = simulate(
+        &mut simulator,
+        &mut feed_forward(),
+        &Sines(6),
+        5.0,
+        &Experiment::default(),
+        &Stop,
+    );
     assert_eq!(error, Err(SimulationError::Interrupted(Interrupted)));
 }

@@ -1,4 +1,5 @@
-//! A simulation step allocates nothing. It counts for the whole process: no test harness runs beside it.
+//! A simulation step allocates nothing. It counts for the whole process: no test harness runs
+//! beside it.
 #![allow(missing_docs)]
 
 use std::alloc::System;
@@ -6,7 +7,8 @@ use std::alloc::System;
 use cap::Cap;
 use sgpr_core::robot::puma560;
 use sgpr_core::simulation::{
-    Controller, FeedForward, Gains, Integrator, Measurement, RigidBody, Setpoint, Simulator, puma560_drives,
+    Controller, FeedForward, Gains, Integrator, Measurement, RigidBody, Setpoint, Simulator,
+    puma560_drives,
 };
 
 #[global_allocator]
@@ -14,7 +16,8 @@ static MEMORY: Cap<System> = Cap::new(System, usize::MAX);
 
 fn main() {
     let robot = puma560();
-    let drives: Vec<_> = puma560_drives().into_iter().map(|drive| drive.with_stiction(1.5, 0.05)).collect();
+    let drives: Vec<_> =
+        puma560_drives().into_iter().map(|drive| drive.with_stiction(1.5, 0.05)).collect();
     let mut controller = FeedForward::new(RigidBody::new(&robot), Gains::uniform(6, 300.0, 10.0));
     for integrator in [Integrator::SemiImplicitEuler, Integrator::RungeKutta4] {
         let mut arm = Simulator::new(&robot, &drives, integrator, 1e-3).expect("valid drives");

@@ -40,8 +40,11 @@ fn predictions(model: &TorqueModel, calls: usize) {
         let time = 1e-3 * call as f64;
         for joint in 0..n {
             let rate = 1.0 + 0.3 * joint as f64;
-            (q[joint], dq[joint], ddq[joint]) =
-                ((rate * time).sin(), rate * (rate * time).cos(), -rate * rate * (rate * time).sin());
+            (q[joint], dq[joint], ddq[joint]) = (
+                (rate * time).sin(),
+                rate * (rate * time).cos(),
+                -rate * rate * (rate * time).sin(),
+            );
         }
         sum += black_box(predictor.torque(&q, &dq, &ddq))[0];
     });
@@ -50,27 +53,37 @@ fn predictions(model: &TorqueModel, calls: usize) {
 }
 
 fn identifications(robot: &Robot, log: &Recording, test: &Recording, fits: usize) {
-    let effects = ["viscous_friction", "coulomb_friction", "rotor_inertia"].map(String::from).to_vec();
+    let effects =
+        ["viscous_friction", "coulomb_friction", "rotor_inertia"].map(String::from).to_vec();
     let options = IdentifyOptions::default().with_effects(effects);
     let mut bytes: Option<Vec<u8>> = None;
     let [before, after] = held(fits, |_| {
-        let model = identify(robot, std::slice::from_ref(log), &options, &()).expect("a good log").0;
+        let model =
+            identify(robot, std::slice::from_ref(log), &options, &()).expect("a good log").0;
         let again = TorqueModel::from_bytes(&model.to_bytes(), "soak").expect("just written");
         black_box(compare(&again, std::slice::from_ref(test), None).expect("a good log"));
         let own = model.to_bytes();
-        assert!(*bytes.get_or_insert_with(|| own.clone()) == own, "the same logs make another model");
+        assert!(
+            *bytes.get_or_insert_with(|| own.clone()) == own,
+            "the same logs make another model"
+        );
     });
     assert_eq!(before, after, "{fits} identifications");
 }
 
 fn main() {
-    let robot = Robot::from_urdf(data("demo/robot.urdf"), &UrdfOptions::default()).expect("bundled");
-    let read = |name: &str| csv::read(data(&format!("demo/{name}.csv.gz")), &Default::default()).expect("bundled");
+    let robot =
+        Robot::from_urdf(data("demo/robot.urdf"), &UrdfOptions::default()).expect("bundled");
+    let read = |name: &str| {
+        csv::read(data(&format!("demo/{name}.csv.gz")), &Default::default()).expect("bundled")
+    };
     let (log, test) = (read("train_1").slice(500..1500), read("test").slice(500..1500));
     let options = IdentifyOptions::default().with_effects(vec!["viscous_friction".into()]);
     let model = identify(&robot, std::slice::from_ref(&log), &options, &()).expect("a good log").0;
     let (calls, fits) = (times("SGPR_SOAK_CALLS", 10_000), times("SGPR_SOAK_FITS", 4));
     predictions(&model, calls);
     identifications(&robot, &log, &test, fits);
-    println!("soak: {calls} predictions and {fits} identifications hold no more memory at their end");
+    println!(
+        "soak: {calls} predictions and {fits} identifications hold no more memory at their end"
+    );
 }

@@ -9,9 +9,14 @@ fn model() -> TorqueModel {
     let robot = puma560();
     let mut parameters = robot.standard_parameters();
     parameters.extend((0..robot.dof()).map(|k| 0.3 + 0.05 * k as f64));
-    let mut term = Term::new(by_name("presliding_friction").expect("of the library"), Site::Joint(1), vec![0.01]);
+    let mut term = Term::new(
+        by_name("presliding_friction").expect("of the library"),
+        Site::Joint(1),
+        vec![0.01],
+    );
     term.coefficients.fill(0.7);
-    let model = TorqueModel::with_parameters(&robot, &["coulomb_friction"], parameters).expect("known");
+    let model =
+        TorqueModel::with_parameters(&robot, &["coulomb_friction"], parameters).expect("known");
     model.with_terms(vec![term], Some(0))
 }
 
@@ -30,7 +35,8 @@ fn both_readers_give_the_same_bits() {
     let (mut own, mut other) =
         (model.predictor(&options).expect("streams"), read.predictor(&options).expect("streams"));
     for k in 0..200 {
-        let [q, dq, ddq] = [0.3, 1.1, 2.0].map(|scale: f64| [(scale * 0.05 * f64::from(k)).sin(); 6]);
+        let [q, dq, ddq] =
+            [0.3, 1.1, 2.0].map(|scale: f64| [(scale * 0.05 * f64::from(k)).sin(); 6]);
         assert_eq!(own.torque(&q, &dq, &ddq), other.torque(&q, &dq, &ddq));
     }
 }
@@ -43,13 +49,20 @@ fn what_is_no_model_is_refused_with_its_reason() {
     }
     let text = |from: &str, to: &str| {
         assert_eq!(from.len(), to.len(), "lengths are part of the header");
-        let at = bytes.windows(from.len()).position(|window| window == from.as_bytes()).expect("there");
+        let at =
+            bytes.windows(from.len()).position(|window| window == from.as_bytes()).expect("there");
         let mut changed = bytes.clone();
         changed[at..at + to.len()].copy_from_slice(to.as_bytes());
         refused(&changed)
     };
-    assert!(text("sgpr torque model", "sgpr other models").contains("its head says `sgpr other models`"));
-    assert!(text("\\\"version\\\":1", "\\\"version\\\":9").contains("has version 9, this library reads up to 1"));
+    assert!(
+        text("sgpr torque model", "sgpr other models")
+            .contains("its head says `sgpr other models`")
+    );
+    assert!(
+        text("\\\"version\\\":1", "\\\"version\\\":9")
+            .contains("has version 9, this library reads up to 1")
+    );
     assert!(text("presliding_friction", "presliding_fraction").contains("presliding_fraction"));
     let mut huge = bytes.clone();
     huge[..8].copy_from_slice(&u64::MAX.to_le_bytes());

@@ -1,4 +1,5 @@
-//! Types of the interface: one meaning for each name, and room for fields that are not there yet. The lists only get shorter.
+//! Types of the interface: one meaning for each name, and room for fields that are not there yet.
+//! The lists only get shorter.
 #![allow(missing_docs)]
 
 use std::collections::BTreeMap;
@@ -6,10 +7,19 @@ use std::path::{Path, PathBuf};
 
 /// Names with several meanings, and why they stay.
 const KNOWN: [(&str, &str); 19] = [
-    ("Basis", "of whitened columns in the diagnosis; of motions in the interface of the excitation"),
-    ("Candidate", "an effect in the diagnosis; a selection of inputs in the interface of the model"),
+    (
+        "Basis",
+        "of whitened columns in the diagnosis; of motions in the interface of the excitation",
+    ),
+    (
+        "Candidate",
+        "an effect in the diagnosis; a selection of inputs in the interface of the model",
+    ),
     ("Comparison", "of two models on blocks in the diagnosis; of model and logs in the interface"),
-    ("Controller", "of a reference log, two gains; of a simulated arm, any law: both in the interface"),
+    (
+        "Controller",
+        "of a reference log, two gains; of a simulated arm, any law: both in the interface",
+    ),
     ("Experiment", "filtered logs inside of the model; a simulated run in the interface"),
     ("Factor", "of Cholesky, and of a formula, both inside of the diagnosis"),
     ("Finding", "of the diagnosis, and of the screening of logs: both in the interface"),
@@ -19,7 +29,10 @@ const KNOWN: [(&str, &str); 19] = [
     ("Joint", "of a robot; what a file of a semi-parametric model keeps of it"),
     ("LeftOut", "errors in the diagnosis; parts of the data in the interface"),
     ("Machine", "two files of which a processor has one"),
-    ("PayloadOptions", "of an estimate from logs, and of one while the arm runs: both in the interface"),
+    (
+        "PayloadOptions",
+        "of an estimate from logs, and of one while the arm runs: both in the interface",
+    ),
     ("Plan", "of an experiment in the diagnosis; of a kernel's evaluation"),
     ("Process", "as the diagnosis tries it, and as the model has it"),
     ("Smooth", "a smoother, and a process, both inside of the diagnosis"),
@@ -27,8 +40,8 @@ const KNOWN: [(&str, &str); 19] = [
     ("Variable", "of a joint, and of any joint, both inside of the diagnosis"),
 ];
 
-/// Structs of which a caller may name all fields, since they are what the type is: no field will come. By name, `q` is not
-/// taken for `dq`.
+/// Structs of which a caller may name all fields, since they are what the type is: no field will
+/// come. By name, `q` is not taken for `dq`.
 const WHOLE: [&str; 22] = [
     "Block",
     "Capsule",
@@ -81,7 +94,9 @@ fn sources(folder: &Path, found: &mut Vec<PathBuf>) {
     for path in entries.map(|entry| entry.expect("a readable entry").path()) {
         if path.is_dir() {
             sources(&path, found);
-        } else if path.extension().is_some_and(|ending| ending == "rs") && !path.ends_with("tests.rs") {
+        } else if path.extension().is_some_and(|ending| ending == "rs")
+            && !path.ends_with("tests.rs")
+        {
             found.push(path);
         }
     }
@@ -96,22 +111,29 @@ fn defined(line: &str) -> Option<&str> {
         None => code,
     };
     let (kind, rest) = code.split_once(' ')?;
-    let counts = matches!(kind, "struct" | "enum" | "trait" | "union") || kind == "type" && !line.starts_with(' ');
-    let end = rest.find(|letter: char| !letter.is_alphanumeric() && letter != '_').unwrap_or(rest.len());
+    let counts = matches!(kind, "struct" | "enum" | "trait" | "union")
+        || kind == "type" && !line.starts_with(' ');
+    let end =
+        rest.find(|letter: char| !letter.is_alphanumeric() && letter != '_').unwrap_or(rest.len());
     (counts && rest.starts_with(char::is_uppercase)).then(|| &rest[..end])
 }
 
-/// Folders of the sources of all crates that are there: beside this one in the repository, not in a package.
+/// Folders of the sources of all crates that are there: beside this one in the repository, not in a
+/// package.
 fn folders() -> Vec<PathBuf> {
     let own = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let beside = ["predict", "recording", "numeric", "gp"].map(|name| own.join(format!("../sgpr-{name}/src")));
+    let beside = ["predict", "recording", "numeric", "gp"]
+        .map(|name| own.join(format!("../sgpr-{name}/src")));
     std::iter::once(own.join("src")).chain(beside).collect()
 }
 
 /// Files and their text without tests and what only runs the examples of a readme.
 fn code() -> Vec<(PathBuf, String)> {
     let mut files = vec![];
-    folders().iter().filter(|folder| folder.is_dir()).for_each(|folder| sources(folder, &mut files));
+    folders()
+        .iter()
+        .filter(|folder| folder.is_dir())
+        .for_each(|folder| sources(folder, &mut files));
     let code = |file: &PathBuf| {
         let text = std::fs::read_to_string(file).expect("a source file");
         let ends = ["#[cfg(test)]\nmod ", "#[cfg(doctest)]"];
@@ -131,8 +153,12 @@ fn no_more_names_of_types_have_several_meanings() {
     }
     assert!(places.len() > 300, "{} types: is this the folder of the sources?", places.len());
     places.retain(|_, files| files.len() > 1);
-    let new: Vec<_> = places.iter().filter(|(name, _)| !KNOWN.iter().any(|(known, _)| known == name)).collect();
-    assert!(new.is_empty(), "names that have a meaning already; take the field's word for this one: {new:#?}");
+    let new: Vec<_> =
+        places.iter().filter(|(name, _)| !KNOWN.iter().any(|(known, _)| known == name)).collect();
+    assert!(
+        new.is_empty(),
+        "names that have a meaning already; take the field's word for this one: {new:#?}"
+    );
     if folders().iter().all(|folder| folder.is_dir()) {
         let gone: Vec<_> = KNOWN.iter().filter(|(name, _)| !places.contains_key(*name)).collect();
         assert!(gone.is_empty(), "they have one meaning now; shorten the list: {gone:#?}");
@@ -143,7 +169,10 @@ fn no_more_names_of_types_have_several_meanings() {
 fn closed(code: &str) -> Vec<&str> {
     let lines: Vec<&str> = code.lines().collect();
     let open = |at: usize| {
-        let attributes = lines[..at].iter().rev().take_while(|line| line.starts_with("#[") || line.starts_with("///"));
+        let attributes = lines[..at]
+            .iter()
+            .rev()
+            .take_while(|line| line.starts_with("#[") || line.starts_with("///"));
         attributes.into_iter().any(|line| *line == "#[non_exhaustive]")
     };
     let bare = |at: usize| {
@@ -160,7 +189,9 @@ fn closed(code: &str) -> Vec<&str> {
 #[test]
 fn structs_of_the_interface_can_have_more_fields_later() {
     assert_eq!(
-        closed("#[non_exhaustive]\npub struct A {\n    pub a: u8,\n}\npub struct B {\n    pub b: u8,\n}\n"),
+        closed(
+            "#[non_exhaustive]\npub struct A {\n    pub a: u8,\n}\npub struct B {\n    pub b: u8,\n}\n"
+        ),
         ["B"]
     );
     let files = code();
@@ -174,7 +205,8 @@ fn structs_of_the_interface_can_have_more_fields_later() {
         "`#[non_exhaustive]`, with a constructor or setters: a new field breaks no caller {new:#?}"
     );
     if folders().iter().all(|folder| folder.is_dir()) {
-        let gone: Vec<_> = WHOLE.iter().chain(&INSIDE).filter(|name| !found.contains(name)).collect();
+        let gone: Vec<_> =
+            WHOLE.iter().chain(&INSIDE).filter(|name| !found.contains(name)).collect();
         assert!(gone.is_empty(), "they are open now; shorten the lists: {gone:#?}");
     }
 }

@@ -1,4 +1,5 @@
-//! The crate of the predictor in a program without the standard library: linked, run, and its torques compared.
+//! The crate of the predictor in a program without the standard library: linked, run, and its
+//! torques compared.
 #![allow(missing_docs)]
 
 use std::collections::BTreeSet;
@@ -33,7 +34,9 @@ fn model() -> TorqueModel {
         term.coefficients.fill(0.2);
         term
     });
-    TorqueModel::with_parameters(&robot, &effects, parameters).expect("known").with_terms(terms.into(), Some(0))
+    TorqueModel::with_parameters(&robot, &effects, parameters)
+        .expect("known")
+        .with_terms(terms.into(), Some(0))
 }
 
 /// `[samples][q, dq, ddq][n]`.
@@ -77,7 +80,11 @@ fn cargo() -> Command {
 #[test]
 fn a_program_without_std_computes_the_same_torques_and_allocates_nothing_after_set_up() {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("without_std");
-    let built = cargo().args(["build", "--locked", "--quiet", "--target-dir"]).arg(&folder).status().expect("cargo");
+    let built = cargo()
+        .args(["build", "--locked", "--quiet", "--target-dir"])
+        .arg(&folder)
+        .status()
+        .expect("cargo");
     assert!(built.success(), "the program is not built");
     let model = model();
     let (bytes, motion) = (model.to_bytes(), motion(model.robot().dof()));
@@ -88,12 +95,14 @@ fn a_program_without_std_computes_the_same_torques_and_allocates_nothing_after_s
         .expect("built");
     let mut input = program.stdin.take().expect("piped");
     let numbers = [RATE_HZ].into_iter().chain(motion.iter().copied()).flat_map(f64::to_le_bytes);
-    let all: Vec<u8> = (bytes.len() as u64).to_le_bytes().into_iter().chain(bytes).chain(numbers).collect();
+    let all: Vec<u8> =
+        (bytes.len() as u64).to_le_bytes().into_iter().chain(bytes).chain(numbers).collect();
     let writer = std::thread::spawn(move || input.write_all(&all));
     let output = program.wait_with_output().expect("it runs");
     writer.join().expect("no panic").expect("it reads");
     assert_eq!(output.status.code(), Some(0), "3: memory after set-up, 101: a panic, 1: refused");
-    let own: Vec<f64> = output.stdout.as_chunks().0.iter().map(|bytes| f64::from_le_bytes(*bytes)).collect();
+    let own: Vec<f64> =
+        output.stdout.as_chunks().0.iter().map(|bytes| f64::from_le_bytes(*bytes)).collect();
     let expected = expected(&model, &motion);
     assert_eq!(own.len(), 2 * expected.len());
     let n = model.robot().dof();
@@ -101,7 +110,10 @@ fn a_program_without_std_computes_the_same_torques_and_allocates_nothing_after_s
     let mut apart = [0.0f64; 2];
     for (own, expected) in own.chunks(4 * n).zip(expected.chunks(2 * n)) {
         for (apart, own) in apart.iter_mut().zip(own.chunks(2 * n)) {
-            *apart = own.iter().zip(expected).fold(*apart, |apart, (own, tau)| apart.max((own - tau).abs()));
+            *apart = own
+                .iter()
+                .zip(expected)
+                .fold(*apart, |apart, (own, tau)| apart.max((own - tau).abs()));
         }
     }
     // In 64 bits, and in 32.
@@ -111,12 +123,23 @@ fn a_program_without_std_computes_the_same_torques_and_allocates_nothing_after_s
 #[test]
 fn its_tree_is_small_and_has_no_c_code() {
     let tree = cargo()
-        .args(["tree", "--locked", "--edges", "normal,build", "--prefix", "none", "--no-dedupe", "--format", "{p}"])
+        .args([
+            "tree",
+            "--locked",
+            "--edges",
+            "normal,build",
+            "--prefix",
+            "none",
+            "--no-dedupe",
+            "--format",
+            "{p}",
+        ])
         .output()
         .expect("cargo");
     assert!(tree.status.success(), "{}", String::from_utf8_lossy(&tree.stderr));
     let text = String::from_utf8(tree.stdout).expect("names");
-    let all: BTreeSet<&str> = text.lines().filter(|line| !line.starts_with("without-std")).collect();
+    let all: BTreeSet<&str> =
+        text.lines().filter(|line| !line.starts_with("without-std")).collect();
     let names: BTreeSet<&str> = all.iter().filter_map(|line| line.split(' ').next()).collect();
     assert!(names.len() <= 15, "{} crates: {names:?}", names.len());
     assert!(!names.iter().any(|name| *name == "cc" || name.ends_with("-sys")), "{names:?}");
@@ -128,13 +151,26 @@ const BARE: &str = "thumbv7em-none-eabihf";
 #[test]
 fn it_is_built_for_a_processor_without_a_system() {
     let rustc = std::env::var_os("RUSTC").unwrap_or_else(|| "rustc".into());
-    let found = Command::new(rustc).args(["--print", "target-libdir", "--target", BARE]).output().expect("rustc");
+    let found = Command::new(rustc)
+        .args(["--print", "target-libdir", "--target", BARE])
+        .output()
+        .expect("rustc");
     let library = String::from_utf8(found.stdout).expect("a path");
     if !Path::new(library.trim()).is_dir() {
         return println!("skipped: the toolchain has no {BARE} (`rustup target add {BARE}`)");
     }
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("bare");
     let mut build = cargo();
-    build.current_dir(SLIM).args(["build", "--locked", "--quiet", "--no-default-features", "--target", BARE]);
-    assert!(build.arg("--target-dir").arg(folder).status().expect("cargo").success(), "not built for {BARE}");
+    build.current_dir(SLIM).args([
+        "build",
+        "--locked",
+        "--quiet",
+        "--no-default-features",
+        "--target",
+        BARE,
+    ]);
+    assert!(
+        build.arg("--target-dir").arg(folder).status().expect("cargo").success(),
+        "not built for {BARE}"
+    );
 }

@@ -29,10 +29,11 @@ impl Inference {
         }
     }
 
-    /// What one likelihood with gradient may cost: as much as an exact one of `budget` points, which takes budget³
-    /// operations. So many `points` are taken exactly if they are within it; of more, as many inducing points m as cost the
-    /// same, 3 n m² = budget³; if these were too few to be of use, or the covariance has correlated noise, which no
-    /// sparse process can have, an exact process of the `budget` most informative points.
+    /// What one likelihood with gradient may cost: as much as an exact one of `budget` points,
+    /// which takes budget³ operations. So many `points` are taken exactly if they are within it; of
+    /// more, as many inducing points m as cost the same, 3 n m² = budget³; if these were too few to
+    /// be of use, or the covariance has correlated noise, which no sparse process can have, an
+    /// exact process of the `budget` most informative points.
     ///
     /// # Examples
     /// ```
@@ -62,8 +63,14 @@ mod tests {
         for points in [1001, 5000, 100_000, 132_000, 140_000, 10_000_000] {
             match Inference::within(1000, points, false) {
                 Inference::Sparse { inducing } => {
-                    assert!(3 * points * inducing * inducing <= 1_000_000_000 && inducing >= FEWEST_INDUCING);
-                    assert!(3 * points * (inducing + 1) * (inducing + 1) > 1_000_000_000, "not less than it allows");
+                    assert!(
+                        3 * points * inducing * inducing <= 1_000_000_000
+                            && inducing >= FEWEST_INDUCING
+                    );
+                    assert!(
+                        3 * points * (inducing + 1) * (inducing + 1) > 1_000_000_000,
+                        "not less than it allows"
+                    );
                 }
                 other => {
                     assert_eq!(other, Inference::Subset { points: 1000 });

@@ -13,7 +13,8 @@ pub struct Data {
 
 impl Data {
     /// - `x`: `[points, inputs]`, row-major
-    /// - `y`: `[points, outputs]`, row-major; several outputs share one kernel and its factorisation
+    /// - `y`: `[points, outputs]`, row-major; several outputs share one kernel and its
+    ///   factorisation
     ///
     /// # Errors
     /// If there is no point, the arrays do not hold the same points, or a value is not finite.
@@ -23,7 +24,11 @@ impl Data {
         }
         let points = x.len() / inputs;
         if x.len() != points * inputs {
-            return Err(GpError::Shape { what: "x", found: x.len(), expected: (points + 1) * inputs });
+            return Err(GpError::Shape {
+                what: "x",
+                found: x.len(),
+                expected: (points + 1) * inputs,
+            });
         }
         if y.len() != points * outputs {
             return Err(GpError::Shape { what: "y", found: y.len(), expected: points * outputs });
@@ -75,7 +80,10 @@ impl Data {
     #[must_use]
     pub fn select(&self, indices: &[usize]) -> Self {
         let rows = |values: &[f64], width: usize| {
-            indices.iter().flat_map(|&i| values[i * width..(i + 1) * width].iter().copied()).collect()
+            indices
+                .iter()
+                .flat_map(|&i| values[i * width..(i + 1) * width].iter().copied())
+                .collect()
         };
         Self {
             x: rows(&self.x, self.inputs),
@@ -86,9 +94,18 @@ impl Data {
     }
 }
 
-pub(super) fn require_finite(what: &'static str, values: &[f64], columns: usize) -> Result<(), GpError> {
+pub(super) fn require_finite(
+    what: &'static str,
+    values: &[f64],
+    columns: usize,
+) -> Result<(), GpError> {
     match values.iter().position(|value| !value.is_finite()) {
-        Some(k) => Err(GpError::NotFinite { what, row: k / columns, column: k % columns, value: values[k] }),
+        Some(k) => Err(GpError::NotFinite {
+            what,
+            row: k / columns,
+            column: k % columns,
+            value: values[k],
+        }),
         None => Ok(()),
     }
 }

@@ -34,8 +34,8 @@ pub enum GpError {
     Kernel(#[from] KernelError),
     /// More points than fit.
     #[error(
-        "{points} points need {needed_gb:.1} GB for an exact Gaussian process, {limit_gb:.1} GB are allowed; take the \
-         sparse one, or at most {largest} points (subset)"
+        "{points} points need {needed_gb:.1} GB for an exact Gaussian process, {limit_gb:.1} GB \
+         are allowed; take the sparse one, or at most {largest} points (subset)"
     )]
     TooLarge {
         /// Points.
@@ -49,8 +49,8 @@ pub enum GpError {
     },
     /// Not a covariance, even with jitter.
     #[error(
-        "the covariance of the points is not positive definite, even with {jitter:e} added to its diagonal: raise the \
-         noise variance or drop duplicate points"
+        "the covariance of the points is not positive definite, even with {jitter:e} added to its \
+         diagonal: raise the noise variance or drop duplicate points"
     )]
     NotPositiveDefinite {
         /// Largest jitter tried.

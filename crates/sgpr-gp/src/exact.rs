@@ -1,4 +1,6 @@
-use faer::linalg::triangular_solve::{solve_lower_triangular_in_place, solve_upper_triangular_in_place};
+use faer::linalg::triangular_solve::{
+    solve_lower_triangular_in_place, solve_upper_triangular_in_place,
+};
 use faer::prelude::*;
 use faer::{Mat, MatMut};
 use pulp::{Arch, Simd, WithSimd};
@@ -42,8 +44,8 @@ pub struct GaussianProcess {
 pub struct Prediction {
     /// Mean, `[points, outputs]`, row-major.
     pub mean: Vec<f64>,
-    /// Variance of the signal, the same for all outputs, `[points]`; empty if not asked for. For the variance of a
-    /// measurement add [`Covariance::total_noise_variance`].
+    /// Variance of the signal, the same for all outputs, `[points]`; empty if not asked for. For
+    /// the variance of a measurement add [`Covariance::total_noise_variance`].
     pub variance: Vec<f64>,
 }
 
@@ -54,17 +56,32 @@ impl GaussianProcess {
     /// Conditions on data, with the hyperparameters as they are.
     ///
     /// # Errors
-    /// If the covariance does not fit the data, is not positive definite even with jitter, or needs more memory than
-    /// allowed.
+    /// If the covariance does not fit the data, is not positive definite even with jitter, or needs
+    /// more memory than allowed.
     pub fn fit(data: Data, covariance: Covariance, compute: &Compute) -> Result<Self, GpError> {
         compute.check(data.len(), 1)?;
         covariance.validate(data.inputs())?;
         let plan = Plan::new(&covariance.kernel());
         let points = plan.features(data.x(), data.inputs());
         let mut factor = Storage::square(data.len());
-        let jitter = assemble_and_factor(&plan, &points, covariance.noise_variance, factor.view_mut(), compute)?;
-        let (alpha, log_marginal_likelihood) = weights_and_likelihood(factor.view(), &data, compute);
-        Ok(Self { data, covariance, alpha, factor, jitter, log_marginal_likelihood, compute: *compute })
+        let jitter = assemble_and_factor(
+            &plan,
+            &points,
+            covariance.noise_variance,
+            factor.view_mut(),
+            compute,
+        )?;
+        let (alpha, log_marginal_likelihood) =
+            weights_and_likelihood(factor.view(), &data, compute);
+        Ok(Self {
+            data,
+            covariance,
+            alpha,
+            factor,
+            jitter,
+            log_marginal_likelihood,
+            compute: *compute,
+        })
     }
 
     /// The data.
@@ -93,7 +110,8 @@ impl GaussianProcess {
     /// If `y` does not hold as many finite numbers as before.
     pub fn with_outputs(&self, y: Vec<f64>) -> Result<Self, GpError> {
         let data = Data::new(self.data.x().to_vec(), self.data.inputs(), y, self.data.outputs())?;
-        let (alpha, log_marginal_likelihood) = weights_and_likelihood(self.factor.view(), &data, &self.compute);
+        let (alpha, log_marginal_likelihood) =
+            weights_and_likelihood(self.factor.view(), &data, &self.compute);
         Ok(Self { data, alpha, log_marginal_likelihood, ..self.clone() })
     }
 
@@ -116,7 +134,11 @@ impl GaussianProcess {
     }
 
     fn expansion(&self) -> Expansion<'_> {
-        Expansion { signal: &self.covariance.signal, points: self.data.x(), inputs: self.data.inputs() }
+        Expansion {
+            signal: &self.covariance.signal,
+            points: self.data.x(),
+            inputs: self.data.inputs(),
+        }
     }
 
     /// Signal at the points `x`, `[points, inputs]`, row-major.
@@ -128,16 +150,26 @@ impl GaussianProcess {
     pub fn predict(&self, x: &[f64], with_variance: bool) -> Result<Prediction, GpError> {
         require_points(x, self.data.inputs())?;
         let points = x.len() / self.data.inputs();
-        let mut prediction = Prediction { mean: vec![0.0; points * self.alpha.len()], variance: vec![] };
+        let mut prediction =
+            Prediction { mean: vec![0.0; points * self.alpha.len()], variance: vec![] };
         let prior = self.covariance.signal.variance();
         if with_variance {
             let variance = &mut prediction.variance;
             let mut explain = |mut cross: MatMut<'_, f64>| {
-                solve_lower_triangular_in_place(self.factor.view::<f64>(), cross.rb_mut(), self.compute.par());
+                solve_lower_triangular_in_place(
+                    self.factor.view::<f64>(),
+                    cross.rb_mut(),
+                    self.compute.par(),
+                );
                 let explained = cross.rb().col_iter().map(|column| column.squared_norm_l2());
                 variance.extend(explained.map(|explained| (prior - explained).max(0.0)));
             };
-            self.expansion().for_each_batch(x, &self.alpha, &mut prediction.mean, Some(&mut explain));
+            self.expansion().for_each_batch(
+                x,
+                &self.alpha,
+                &mut prediction.mean,
+                Some(&mut explain),
+            );
         } else {
             prediction.mean = self.weigh(x, &self.alpha);
         }
@@ -169,7 +201,8 @@ pub(super) struct Expansion<'a> {
 }
 
 impl Expansion<'_> {
-    /// k(x, X) times `columns`, and for each batch of points the covariances k(X, x), a column per point, to `each`.
+    /// k(x, X) times `columns`, and for each batch of points the covariances k(X, x), a column per
+    /// point, to `each`.
     ///
     /// - `x`: `[points asked for, inputs]`, row-major
     /// - `products`: `[points asked for, columns]`, row-major, zero before
@@ -190,7 +223,15 @@ impl Expansion<'_> {
         let mut cross = Mat::zeros(if each.is_some() { points.count() } else { 0 }, BATCH);
         for (x, mean) in x.chunks(BATCH * inputs).zip(products.chunks_mut(BATCH * columns.len())) {
             let cross_mut = each.is_some().then_some(&mut cross);
-            let batch = Cross { plan: &plan, points: &points, alpha: &columns, x, inputs, mean, cross: cross_mut };
+            let batch = Cross {
+                plan: &plan,
+                points: &points,
+                alpha: &columns,
+                x,
+                inputs,
+                mean,
+                cross: cross_mut,
+            };
             Arch::new().dispatch(batch);
             if let Some(each) = &mut each {
                 each(cross.as_mut().subcols_mut(0, x.len() / inputs));
@@ -201,7 +242,11 @@ impl Expansion<'_> {
 
 pub(super) fn require_points(x: &[f64], inputs: usize) -> Result<(), GpError> {
     if !x.len().is_multiple_of(inputs) {
-        return Err(GpError::Shape { what: "x", found: x.len(), expected: (x.len() / inputs + 1) * inputs });
+        return Err(GpError::Shape {
+            what: "x",
+            found: x.len(),
+            expected: (x.len() / inputs + 1) * inputs,
+        });
     }
     require_finite("x", x, inputs)
 }
@@ -224,10 +269,13 @@ impl WithSimd for Cross<'_> {
     fn with_simd<S: Simd>(self, simd: S) {
         let Self { plan, points, alpha, x, inputs, mean, mut cross } = self;
         let (mut query, mut work) = (plan.query(), plan.work());
-        for (k, (x, mean)) in x.chunks_exact(inputs).zip(mean.chunks_exact_mut(alpha.len())).enumerate() {
+        for (k, (x, mean)) in
+            x.chunks_exact(inputs).zip(mean.chunks_exact_mut(alpha.len())).enumerate()
+        {
             plan.set_query(x, &mut query);
             for (start, length) in points.tiles_from(0) {
-                let values = plan.values::<_, S, false>(simd, points, (start, length), &query, &mut work);
+                let values =
+                    plan.values::<_, S, false>(simd, points, (start, length), &query, &mut work);
                 for (mean, alpha) in mean.iter_mut().zip(alpha) {
                     *mean += f64::dot(simd, values, &alpha[start..start + length]);
                 }

@@ -5,12 +5,13 @@ use super::{Covariance, GpError, Shape};
 
 /// Independent errors, and errors whose covariance fades exponentially over an input such as time.
 ///
-/// In the order of that input such errors are a Markov chain with independent errors on top: R⁻¹ = Wᵀ W with W the filter
-/// that leaves of every measurement what those before do not predict, in its standard deviation. So n points take n
-/// operations instead of n³.
+/// In the order of that input such errors are a Markov chain with independent errors on top: R⁻¹ =
+/// Wᵀ W with W the filter that leaves of every measurement what those before do not predict, in its
+/// standard deviation. So n points take n operations instead of n³.
 ///
-/// Source: J. Hartikainen, S. Särkkä, Kalman filtering and smoothing solutions to temporal Gaussian process regression
-/// models, IEEE Workshop on Machine Learning for Signal Processing (2010), with the Matérn kernel 1/2.
+/// Source: J. Hartikainen, S. Särkkä, Kalman filtering and smoothing solutions to temporal Gaussian
+/// process regression models, IEEE Workshop on Machine Learning for Signal Processing (2010), with
+/// the Matérn kernel 1/2.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FadingNoise {
     /// Variance of independent errors.
@@ -43,7 +44,12 @@ impl FadingNoise {
         };
         match kernel.single_leaf()? {
             (shared, leaf) if leaf.shape == Shape::Exponential && leaf.inputs.len() == 1 => {
-                Some(Self { independent, shared, length: leaf.scale(0), input: leaf.inputs[0].index })
+                Some(Self {
+                    independent,
+                    shared,
+                    length: leaf.scale(0),
+                    input: leaf.inputs[0].index,
+                })
             }
             _ => None,
         }
@@ -53,7 +59,8 @@ impl FadingNoise {
     pub fn steps(&self, times: impl Iterator<Item = f64>) -> Vec<FadingStep> {
         let (mut before, mut variance) = (None, self.shared);
         let step = |time: f64| {
-            let decay = before.map_or(0.0, |before: f64| (-(time - before).abs() / self.length).exp());
+            let decay =
+                before.map_or(0.0, |before: f64| (-(time - before).abs() / self.length).exp());
             before = Some(time);
             let predicted = decay * decay * variance + (1.0 - decay * decay) * self.shared;
             let total = predicted + self.independent;
@@ -71,16 +78,31 @@ impl FadingNoise {
     ///
     /// # Errors
     /// If the likelihood cannot be computed, for which the errors would have to be infinite.
-    pub fn most_likely(times: &[f64], errors: &[f64], input: usize, lengths: (f64, f64)) -> Result<Self, GpError> {
+    pub fn most_likely(
+        times: &[f64],
+        errors: &[f64],
+        input: usize,
+        lengths: (f64, f64),
+    ) -> Result<Self, GpError> {
         let count = errors.len() as f64;
-        let at = |theta: &[f64]| Self { independent: 1.0, shared: theta[0].exp(), length: theta[1].exp(), input };
-        // The scale that is most likely with a ratio and a length, and minus the log likelihood per point.
+        let at = |theta: &[f64]| Self {
+            independent: 1.0,
+            shared: theta[0].exp(),
+            length: theta[1].exp(),
+            input,
+        };
+        // The scale that is most likely with a ratio and a length, and minus the log likelihood per
+        // point.
         let cost = |theta: &[f64]| {
             let steps = at(theta).steps(times.iter().copied());
             let mut white = errors.to_vec();
             whiten(&steps, &mut white, &mut 0.0);
             let scale = white.iter().map(|w| w * w).sum::<f64>() / count;
-            (scale, 0.5 * scale.ln() + steps.iter().map(|step| step.deviation.ln()).sum::<f64>() / count)
+            (
+                scale,
+                0.5 * scale.ln()
+                    + steps.iter().map(|step| step.deviation.ln()).sum::<f64>() / count,
+            )
         };
         let ratios = (-7.0, 7.0);
         let lengths = (lengths.0.ln(), lengths.1.ln());
@@ -104,16 +126,24 @@ impl FadingNoise {
             };
             (moved(STEP) - moved(-STEP)) / (2.0 * STEP)
         };
-        let mut evaluate = |theta: &[f64]| Ok((cost(theta).1, vec![slope(theta, 0), slope(theta, 1)]));
+        let mut evaluate =
+            |theta: &[f64]| Ok((cost(theta).1, vec![slope(theta, 0), slope(theta, 1)]));
         let limits = StoppingCriteria { evaluations: 40, gain: 1e-9, gradient: 1e-6 };
-        let minimum = minimise(&start, &[ratios.0, lengths.0], &[ratios.1, lengths.1], limits, &mut evaluate)?;
+        let minimum = minimise(
+            &start,
+            &[ratios.0, lengths.0],
+            &[ratios.1, lengths.1],
+            limits,
+            &mut evaluate,
+        )?;
         let (scale, _) = cost(&minimum.at);
         let relative = at(&minimum.at);
         Ok(Self { independent: scale, shared: scale * relative.shared, ..relative })
     }
 }
 
-/// W times a column, the next of its points; `state` is the shared error after the points before, zero before the first.
+/// W times a column, the next of its points; `state` is the shared error after the points before,
+/// zero before the first.
 pub(crate) fn whiten(steps: &[FadingStep], column: &mut [f64], state: &mut f64) {
     for (step, value) in steps.iter().zip(column) {
         let predicted = step.decay * *state;
@@ -156,17 +186,21 @@ mod tests {
         assert!(difference.norm_max() < 1e-12, "{}", difference.norm_max());
         let factor = cholesky(covariance.as_ref()).expect("a covariance");
         let log_root: f64 = (0..40).map(|k| factor[(k, k)].ln()).sum();
-        assert!((steps.iter().map(|step| step.deviation.ln()).sum::<f64>() - log_root).abs() < 1e-11);
+        assert!(
+            (steps.iter().map(|step| step.deviation.ln()).sum::<f64>() - log_root).abs() < 1e-11
+        );
     }
 
     #[test]
     fn the_memory_of_errors_is_found() {
-        let (rate, truth) = (100.0, FadingNoise { independent: 0.5, shared: 2.0, length: 0.3, input: 3 });
+        let (rate, truth) =
+            (100.0, FadingNoise { independent: 0.5, shared: 2.0, length: 0.3, input: 3 });
         let mut random = Random::new(7);
         let (mut shared, decay) = (0.0, (-1.0 / (rate * truth.length)).exp());
         let errors: Vec<f64> = (0..40_000)
             .map(|_| {
-                shared = decay * shared + ((1.0 - decay * decay) * truth.shared).sqrt() * random.normal();
+                shared = decay * shared
+                    + ((1.0 - decay * decay) * truth.shared).sqrt() * random.normal();
                 shared + truth.independent.sqrt() * random.normal()
             })
             .collect();
@@ -174,11 +208,19 @@ mod tests {
         let found = FadingNoise::most_likely(&times, &errors, 3, (0.005, 5.0)).expect("finite");
         // 40,000 samples are some 600 independent ones of the shared error.
         assert!((found.independent / truth.independent - 1.0).abs() < 0.05, "{found:?}");
-        assert!((found.shared / truth.shared - 1.0).abs() < 0.2 && (found.length / truth.length).ln().abs() < 0.2);
+        assert!(
+            (found.shared / truth.shared - 1.0).abs() < 0.2
+                && (found.length / truth.length).ln().abs() < 0.2
+        );
         // Independent errors are taken for such.
         let white: Vec<f64> = (0..20_000).map(|_| random.normal()).collect();
-        let found = FadingNoise::most_likely(&times[..20_000], &white, 3, (0.005, 5.0)).expect("finite");
-        let neighbours = found.shared * (-0.01 / found.length).exp() / (found.shared + found.independent);
-        assert!(neighbours < 0.03 && (found.shared + found.independent - 1.0).abs() < 0.03, "{found:?}");
+        let found =
+            FadingNoise::most_likely(&times[..20_000], &white, 3, (0.005, 5.0)).expect("finite");
+        let neighbours =
+            found.shared * (-0.01 / found.length).exp() / (found.shared + found.independent);
+        assert!(
+            neighbours < 0.03 && (found.shared + found.independent - 1.0).abs() < 0.03,
+            "{found:?}"
+        );
     }
 }

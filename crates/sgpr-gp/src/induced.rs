@@ -2,7 +2,9 @@
 
 use faer::linalg::matmul::matmul;
 use faer::linalg::matmul::triangular::{BlockStructure, matmul as triangular_matmul};
-use faer::linalg::triangular_solve::{solve_lower_triangular_in_place, solve_upper_triangular_in_place};
+use faer::linalg::triangular_solve::{
+    solve_lower_triangular_in_place, solve_upper_triangular_in_place,
+};
 use faer::{Accum, Mat, MatMut};
 use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
@@ -20,8 +22,9 @@ pub(super) const CHUNK: usize = 4 * TILE;
 /// Share of the variance on the diagonal of the covariance of the inducing points.
 pub(super) const JITTER: f64 = 1e-6;
 
-/// What data say about the values at inducing points, with R the covariance of their errors: all that a process through
-/// these points needs to know of them, however many they are. That of data whose errors have nothing in common is a sum.
+/// What data say about the values at inducing points, with R the covariance of their errors: all
+/// that a process through these points needs to know of them, however many they are. That of data
+/// whose errors have nothing in common is a sum.
 #[derive(Clone, Debug)]
 pub struct Evidence {
     /// K_uf R⁻¹ K_fu.
@@ -33,11 +36,18 @@ pub struct Evidence {
 }
 
 impl Evidence {
-    /// Of data with the errors of a covariance; if some of these are shared by neighbours, the points are in order.
+    /// Of data with the errors of a covariance; if some of these are shared by neighbours, the
+    /// points are in order.
     ///
     /// # Errors
-    /// If covariance or inducing points do not fit the data, or the correlated noise is not exponential over one input.
-    pub fn new(data: &Data, covariance: &Covariance, inducing: &[f64], compute: &Compute) -> Result<Self, GpError> {
+    /// If covariance or inducing points do not fit the data, or the correlated noise is not
+    /// exponential over one input.
+    pub fn new(
+        data: &Data,
+        covariance: &Covariance,
+        inducing: &[f64],
+        compute: &Compute,
+    ) -> Result<Self, GpError> {
         let plan = plan(data, covariance, inducing, compute)?;
         let Some(noise) = FadingNoise::of(covariance) else {
             let found = "correlated noise that is not exponential over one input".into();
@@ -104,7 +114,8 @@ impl Evidence {
 
     /// Of no data.
     pub fn none(inducing: usize, outputs: usize) -> Self {
-        let (products, projection) = (Mat::zeros(inducing, inducing), Mat::zeros(inducing, outputs));
+        let (products, projection) =
+            (Mat::zeros(inducing, inducing), Mat::zeros(inducing, outputs));
         Self { products, projection, squares: Mat::zeros(outputs, outputs) }
     }
 
@@ -147,7 +158,9 @@ impl InducedProcess {
         covariance.validate(inputs)?;
         require_points(&inducing, inputs)?;
         let m = inducing.len() / inputs;
-        for (what, found) in [("the products", products.nrows()), ("the projection", projection.nrows())] {
+        for (what, found) in
+            [("the products", products.nrows()), ("the projection", projection.nrows())]
+        {
             if found != m {
                 return Err(GpError::Shape { what, found, expected: m });
             }
@@ -195,7 +208,8 @@ impl InducedProcess {
         data.transpose() * (data * right)
     }
 
-    /// k(x, X) times each of `columns`, `[points of x, columns]`, row-major, with X the inducing points.
+    /// k(x, X) times each of `columns`, `[points of x, columns]`, row-major, with X the inducing
+    /// points.
     pub fn weigh(&self, x: &[f64], columns: &[Vec<f64>]) -> Vec<f64> {
         let mut products = vec![0.0; x.len() / self.inputs * columns.len()];
         self.expansion().for_each_batch(x, columns, &mut products, None);
@@ -212,7 +226,8 @@ impl InducedProcess {
     /// If `x` does not hold whole points, or a value is not finite.
     pub fn predict(&self, x: &[f64], with_variance: bool) -> Result<Prediction, GpError> {
         let mut variance = vec![];
-        let mut add = |parts: InducedVariance| variance.push((parts.unseen + parts.unknown).max(0.0));
+        let mut add =
+            |parts: InducedVariance| variance.push((parts.unseen + parts.unknown).max(0.0));
         let mean = self.predict_parts(x, if with_variance { Some(&mut add) } else { None })?;
         Ok(Prediction { mean, variance })
     }
@@ -230,7 +245,8 @@ impl InducedProcess {
             move |cross: MatMut<'_, f64>| {
                 let norms = self.inverse_factors.each_ref().map(|factor| factor * cross.as_ref());
                 for k in 0..cross.ncols() {
-                    let [seen, unknown] = norms.each_ref().map(|norms| norms.col(k).squared_norm_l2());
+                    let [seen, unknown] =
+                        norms.each_ref().map(|norms| norms.col(k).squared_norm_l2());
                     each(InducedVariance { unseen: prior - seen, unknown });
                 }
             }
@@ -310,7 +326,12 @@ impl InducedPosterior {
 }
 
 /// Checks a covariance and inducing points, `[inducing, inputs]`, against data.
-pub(super) fn plan(data: &Data, covariance: &Covariance, inducing: &[f64], compute: &Compute) -> Result<Plan, GpError> {
+pub(super) fn plan(
+    data: &Data,
+    covariance: &Covariance,
+    inducing: &[f64],
+    compute: &Compute,
+) -> Result<Plan, GpError> {
     let inputs = data.inputs();
     covariance.validate(inputs)?;
     let found = inducing.len() / inputs;
@@ -355,7 +376,11 @@ pub(super) fn cross_covariances(
     };
     const COLUMNS: usize = 32;
     if compute.threads > 1 {
-        cross.as_mut().par_col_chunks_mut(COLUMNS).enumerate().for_each(|(k, c)| work((k * COLUMNS, c)));
+        cross
+            .as_mut()
+            .par_col_chunks_mut(COLUMNS)
+            .enumerate()
+            .for_each(|(k, c)| work((k * COLUMNS, c)));
     } else {
         work((0, cross.as_mut()));
     }
@@ -381,7 +406,8 @@ impl WithSimd for CrossColumns<'_> {
             let column = column.try_as_col_major_mut().expect("column-major").as_slice_mut();
             inducing.point(u + k, &mut query);
             for (start, length) in points.tiles_from(first).take(CHUNK / TILE) {
-                let values = plan.values::<_, S, false>(simd, points, (start, length), &query, &mut work);
+                let values =
+                    plan.values::<_, S, false>(simd, points, (start, length), &query, &mut work);
                 column[start - first..][..length].copy_from_slice(values);
             }
         }
@@ -394,42 +420,63 @@ mod tests {
     use crate::{GaussianProcess, Kernel, Shape};
     use sgpr_numeric::internal::Random;
 
-    /// Inducing points at all data points lose nothing but what the jitter on their covariance takes.
+    /// Inducing points at all data points lose nothing but what the jitter on their covariance
+    /// takes.
     #[test]
     fn through_all_its_points_a_process_with_lasting_errors_is_the_exact_one() {
         let mut random = Random::new(5);
         // An input and a time, two outputs.
-        let x: Vec<f64> = (0..90).flat_map(|k| [4.0 * random.uniform(), 0.02 * f64::from(k)]).collect();
-        let y: Vec<f64> = x.chunks_exact(2).flat_map(|x| [x[0].sin() + 0.1 * random.normal(), x[0] * x[0]]).collect();
+        let x: Vec<f64> =
+            (0..90).flat_map(|k| [4.0 * random.uniform(), 0.02 * f64::from(k)]).collect();
+        let y: Vec<f64> = x
+            .chunks_exact(2)
+            .flat_map(|x| [x[0].sin() + 0.1 * random.normal(), x[0] * x[0]])
+            .collect();
         let data = Data::new(x.clone(), 2, y.clone(), 2).expect("finite");
         let signal = Kernel::isotropic(Shape::Matern52, 1, 0.8).scaled(1.5);
         let lasting = Kernel::isotropic(Shape::Exponential, 1, 0.1).on(&[1]).scaled(0.3);
         let covariance = Covariance::new(signal, 0.05).with_correlated_noise(lasting);
         let compute = Compute::default();
-        let exact = GaussianProcess::fit(data.clone(), covariance.clone(), &compute).expect("small");
-        let Evidence { products, projection, .. } = Evidence::new(&data, &covariance, &x, &compute).expect("in order");
+        let exact =
+            GaussianProcess::fit(data.clone(), covariance.clone(), &compute).expect("small");
+        let Evidence { products, projection, .. } =
+            Evidence::new(&data, &covariance, &x, &compute).expect("in order");
         let induced =
-            InducedProcess::new(covariance.clone(), x.clone(), 2, &products, &projection, &compute).expect("small");
+            InducedProcess::new(covariance.clone(), x.clone(), 2, &products, &projection, &compute)
+                .expect("small");
         let asked: Vec<f64> = (0..40).flat_map(|k| [0.12 * f64::from(k), 0.0]).collect();
-        let (a, b) = (exact.predict(&asked, true).expect("finite"), induced.predict(&asked, true).expect("finite"));
-        let largest = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        let (a, b) = (
+            exact.predict(&asked, true).expect("finite"),
+            induced.predict(&asked, true).expect("finite"),
+        );
+        let largest =
+            |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
         assert!(largest(&a.mean, &b.mean) < 1e-3, "{}", largest(&a.mean, &b.mean));
         assert!(largest(&a.variance, &b.variance) < 1e-4, "{}", largest(&a.variance, &b.variance));
 
         // What two logs say is the sum of what each says, if they lie far apart.
-        let apart: Vec<f64> =
-            x.iter().enumerate().map(|(k, x)| if k >= 100 && k % 2 == 1 { x + 1e3 } else { *x }).collect();
+        let apart: Vec<f64> = x
+            .iter()
+            .enumerate()
+            .map(|(k, x)| if k >= 100 && k % 2 == 1 { x + 1e3 } else { *x })
+            .collect();
         let part = |rows: std::ops::Range<usize>| {
-            let data =
-                Data::new(apart[2 * rows.start..2 * rows.end].to_vec(), 2, y[2 * rows.start..2 * rows.end].to_vec(), 2);
+            let data = Data::new(
+                apart[2 * rows.start..2 * rows.end].to_vec(),
+                2,
+                y[2 * rows.start..2 * rows.end].to_vec(),
+                2,
+            );
             Evidence::new(&data.expect("finite"), &covariance, &x, &compute).expect("in order")
         };
         let (whole, mut sum) = (part(0..90), Evidence::none(90, 2));
         sum.add(&part(0..50));
         sum.add(&part(50..90));
-        for (a, b) in
-            [(&whole.products, &sum.products), (&whole.projection, &sum.projection), (&whole.squares, &sum.squares)]
-        {
+        for (a, b) in [
+            (&whole.products, &sum.products),
+            (&whole.projection, &sum.projection),
+            (&whole.squares, &sum.squares),
+        ] {
             assert!((a - b).norm_max() < 1e-10 * a.norm_max());
         }
         let over_two = Kernel::isotropic(Shape::Exponential, 2, 0.1);

@@ -1,10 +1,13 @@
-//! Gaussian processes: kernels, exact inference by Cholesky, hyperparameters by marginal likelihood, a sparse process for
-//! more data than exact inference can take, and predictors for controllers.
+//! Gaussian processes: kernels, exact inference by Cholesky, hyperparameters by marginal
+//! likelihood, a sparse process for more data than exact inference can take, and predictors for
+//! controllers.
 //!
-//! y = f(x) + noise, f ~ GP(0, k), one process per output. What is learned is the rest that a physical model leaves over,
-//! so the prior mean is zero: far from the data the prediction returns to the physics, and its variance to k(x, x).
+//! y = f(x) + noise, f ~ GP(0, k), one process per output. What is learned is the rest that a
+//! physical model leaves over, so the prior mean is zero: far from the data the prediction returns
+//! to the physics, and its variance to k(x, x).
 //!
-//! Source: C. E. Rasmussen, C. K. I. Williams, Gaussian Processes for Machine Learning (2006); thesis 4-3, appendix B.
+//! Source: C. E. Rasmussen, C. K. I. Williams, Gaussian Processes for Machine Learning (2006);
+//! thesis 4-3, appendix B.
 
 #![warn(clippy::too_many_lines)]
 #![forbid(unsafe_code)]
@@ -38,7 +41,8 @@ pub use predictor::PredictorOptions;
 pub use search::{SearchOptions, SearchReport, search};
 pub use sgpr_numeric::progress;
 pub use sgpr_predict::gp::{
-    Covariance, GpPredictor, Input, Kernel, KernelError, Precision, Shape, SharedPredictor, Stationary, WeightedKernel,
+    Covariance, GpPredictor, Input, Kernel, KernelError, Precision, Shape, SharedPredictor,
+    Stationary, WeightedKernel,
 };
 use sgpr_predict::internal as kernels;
 pub use shared_predictor::shared_predictor;
@@ -46,8 +50,8 @@ pub use sparse::{SparseBound, SparseGaussianProcess, SparseGradient};
 pub use sparse_search::{SparseOptions, SparseReport, search_sparse};
 pub use subset::{informative_points, spread_points};
 
-/// What `sgpr-core` takes of this crate beside its interface. No part of that: it changes without notice, and so do methods that
-/// the documentation does not list.
+/// What `sgpr-core` takes of this crate beside its interface. No part of that: it changes without
+/// notice, and so do methods that the documentation does not list.
 #[doc(hidden)]
 pub mod internal {
     pub use crate::fading_noise::FadingNoise;

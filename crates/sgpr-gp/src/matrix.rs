@@ -17,7 +17,8 @@ use super::{Compute, Data, GpError};
 /// Columns that one thread works on at a time.
 const COLUMNS: usize = 64;
 
-/// Share of the variance that is added to the diagonal when the first factorisation fails, and its largest value.
+/// Share of the variance that is added to the diagonal when the first factorisation fails, and its
+/// largest value.
 const FIRST_JITTER: f64 = 1e-10;
 const LARGEST_JITTER: f64 = 1e-4;
 
@@ -117,8 +118,14 @@ impl WithSimd for Assemble<'_> {
         for (start, length) in points.tiles_from(first) {
             let end = (start + length).min(columns.nrows());
             for (k, query) in queries.iter().enumerate().filter(|(k, _)| first + k < end) {
-                let values = plan.values::<_, S, false>(simd, points, (start, length), query, &mut work);
-                let column = columns.as_mut().col_mut(k).try_as_col_major_mut().expect("column-major").as_slice_mut();
+                let values =
+                    plan.values::<_, S, false>(simd, points, (start, length), query, &mut work);
+                let column = columns
+                    .as_mut()
+                    .col_mut(k)
+                    .try_as_col_major_mut()
+                    .expect("column-major")
+                    .as_slice_mut();
                 column[start..end].copy_from_slice(&values[..end - start]);
             }
         }
@@ -148,10 +155,12 @@ pub(super) struct InverseSums {
     pub product: Vec<f64>,
 }
 
-/// Sum over the lower triangle of dK/dtheta * weight, with weight = sum over outputs of alpha alpha' - outputs * inverse
-/// off the diagonal and half of it on the diagonal: the gradient of the log marginal likelihood (GPML eq. 5.9).
+/// Sum over the lower triangle of dK/dtheta * weight, with weight = sum over outputs of alpha
+/// alpha' - outputs * inverse off the diagonal and half of it on the diagonal: the gradient of the
+/// log marginal likelihood (GPML eq. 5.9).
 ///
-/// The inverse is K⁻¹ - G Gᵀ with `explained` = G, if there is one, and K⁻¹ = L⁻ᵀ L⁻¹; some of its columns at a time, in `panel`.
+/// The inverse is K⁻¹ - G Gᵀ with `explained` = G, if there is one, and K⁻¹ = L⁻ᵀ L⁻¹; some of its
+/// columns at a time, in `panel`.
 pub(super) fn likelihood_gradient<T: FloatNumber>(
     plan: &Plan,
     data: &Data,
@@ -164,23 +173,41 @@ pub(super) fn likelihood_gradient<T: FloatNumber>(
     let n = inverse_factor.ncols();
     let points = &plan.features(data.x(), data.inputs());
     let y: Vec<f64> = data.y().iter().step_by(data.outputs()).copied().collect();
-    let explained =
-        explained.map(|explained| Mat::from_fn(n, explained.ncols(), |i, k| T::from_f64(explained[(i, k)])));
+    let explained = explained
+        .map(|explained| Mat::from_fn(n, explained.ncols(), |i, k| T::from_f64(explained[(i, k)])));
     let (mut gradient, mut trace, mut product) = (vec![0.0; plan.theta_len()], 0.0, vec![0.0; n]);
     for start in (0..n).step_by(PANEL) {
         let width = PANEL.min(n - start);
         let mut inverse = panel.rb_mut().submatrix_mut(0, 0, n - start, width);
-        inverse_columns(inverse_factor.submatrix(start, start, n - start, n - start), inverse.rb_mut(), compute.par());
+        inverse_columns(
+            inverse_factor.submatrix(start, start, n - start, n - start),
+            inverse.rb_mut(),
+            compute.par(),
+        );
         if let Some(explained) = &explained {
             let rows = explained.as_ref().subrows(start, n - start);
             let columns = rows.subrows(0, width).transpose();
-            faer::linalg::matmul::matmul(inverse.rb_mut(), Accum::Add, rows, columns, T::from_f64(-1.0), compute.par());
+            faer::linalg::matmul::matmul(
+                inverse.rb_mut(),
+                Accum::Add,
+                rows,
+                columns,
+                T::from_f64(-1.0),
+                compute.par(),
+            );
         }
         trace += (0..width).map(|k| inverse[(k, k)].to_f64()).sum::<f64>();
         let inverse = inverse.rb();
         let block = |first: usize| {
             let columns = inverse.subcols(first, COLUMNS.min(width - first));
-            Arch::new().dispatch(LikelihoodGradient { plan, points, alpha, start, first: start + first, columns })
+            Arch::new().dispatch(LikelihoodGradient {
+                plan,
+                points,
+                alpha,
+                start,
+                first: start + first,
+                columns,
+            })
         };
         let blocks: Vec<Vec<f64>> = if compute.threads > 1 {
             (0..width.div_ceil(COLUMNS)).into_par_iter().map(|k| block(k * COLUMNS)).collect()
@@ -209,16 +236,32 @@ fn add_symmetric_product<T: FloatNumber>(column: &[T], y: &[f64], product: &mut 
     product[0] += sum + column[0].to_f64() * y[0];
 }
 
-/// The first columns of L⁻ᵀ L⁻¹, of which the lower triangle counts: a sum over blocks of rows of L⁻¹.
-fn inverse_columns<T: FloatNumber>(inverse_factor: MatRef<'_, T>, mut out: MatMut<'_, T>, par: Par) {
+/// The first columns of L⁻ᵀ L⁻¹, of which the lower triangle counts: a sum over blocks of rows of
+/// L⁻¹.
+fn inverse_columns<T: FloatNumber>(
+    inverse_factor: MatRef<'_, T>,
+    mut out: MatMut<'_, T>,
+    par: Par,
+) {
     let one = T::from_f64(1.0);
     let (n, width) = (inverse_factor.nrows(), out.ncols());
     let top = inverse_factor.submatrix(0, 0, width, width);
-    matmul(out.rb_mut().subrows_mut(0, width), LOWER, Accum::Replace, top.transpose(), UPPER, top, LOWER, one, par);
+    matmul(
+        out.rb_mut().subrows_mut(0, width),
+        LOWER,
+        Accum::Replace,
+        top.transpose(),
+        UPPER,
+        top,
+        LOWER,
+        one,
+        par,
+    );
     let block = block(n - width, par);
     for start in (width..n).step_by(block) {
         let height = block.min(n - start);
-        let (left, diagonal) = inverse_factor.submatrix(start, 0, height, start + height).split_at_col(start);
+        let (left, diagonal) =
+            inverse_factor.submatrix(start, 0, height, start + height).split_at_col(start);
         let (right, left) = left.split_at_col(width);
         let (above, rest) = out.rb_mut().split_at_row_mut(start);
         let (first, above) = above.split_at_row_mut(width);
@@ -258,10 +301,16 @@ impl<T: FloatNumber> WithSimd for LikelihoodGradient<'_, T> {
                 let j = first + k;
                 let column = columns.col(k).try_as_col_major().expect("column-major").as_slice();
                 let inverse = &column[start - above..end - above];
-                weights.iter_mut().zip(inverse).for_each(|(w, inverse)| *w = -outputs * inverse.to_f64());
+                weights
+                    .iter_mut()
+                    .zip(inverse)
+                    .for_each(|(w, inverse)| *w = -outputs * inverse.to_f64());
                 for alpha in alpha {
                     let own = alpha[j];
-                    weights.iter_mut().zip(&alpha[start..end]).for_each(|(w, alpha)| *w += own * alpha);
+                    weights
+                        .iter_mut()
+                        .zip(&alpha[start..end])
+                        .for_each(|(w, alpha)| *w += own * alpha);
                 }
                 weights[end - start..].fill(0.0);
                 // Above the diagonal nothing counts.
@@ -270,15 +319,22 @@ impl<T: FloatNumber> WithSimd for LikelihoodGradient<'_, T> {
                     weights[j - start] *= 0.5;
                 }
                 plan.values::<_, S, true>(simd, points, (start, length), query, &mut work);
-                plan.gradient(simd, (points, start, length), query, weights, &mut work, (&mut gradient, None));
+                plan.gradient(
+                    simd,
+                    (points, start, length),
+                    query,
+                    weights,
+                    &mut work,
+                    (&mut gradient, None),
+                );
             }
         }
         gradient
     }
 }
 
-/// Assembles and factors K + noise * I = L Lᵀ in place, with jitter on the diagonal only if it fails without; returns
-/// the jitter.
+/// Assembles and factors K + noise * I = L Lᵀ in place, with jitter on the diagonal only if it
+/// fails without; returns the jitter.
 pub(super) fn assemble_and_factor(
     plan: &Plan,
     points: &Features<f64>,
@@ -303,8 +359,8 @@ pub(super) fn assemble_and_factor(
 
 /// L in the lower triangle of `matrix`; false if it is not positive definite.
 ///
-/// Column by column of blocks, each less the products of what is to its left: sums as long as they can be, for a product of few
-/// columns waits for memory.
+/// Column by column of blocks, each less the products of what is to its left: sums as long as they
+/// can be, for a product of few columns waits for memory.
 pub(super) fn factor(mut matrix: MatMut<'_, f64>, par: Par) -> bool {
     let n = matrix.nrows();
     let block = block(n, par);
@@ -316,10 +372,21 @@ pub(super) fn factor(mut matrix: MatMut<'_, f64>, par: Par) -> bool {
         let (mut diagonal, mut below) = columns.split_at_row_mut(width);
         for first in (0..start).step_by(block) {
             let (beside, left) = left.subcols(first, block).split_at_row(width);
-            // Transposed in memory: rows that are read across the columns of a large matrix cost a tenth.
+            // Transposed in memory: rows that are read across the columns of a large matrix cost a
+            // tenth.
             let mut transposed = copy.as_mut().subcols_mut(0, width);
             transposed.copy_from(beside.transpose());
-            matmul(diagonal.rb_mut(), LOWER, Accum::Add, beside, FULL, transposed.rb(), FULL, -1.0, par);
+            matmul(
+                diagonal.rb_mut(),
+                LOWER,
+                Accum::Add,
+                beside,
+                FULL,
+                transposed.rb(),
+                FULL,
+                -1.0,
+                par,
+            );
             add_product(below.rb_mut(), left, transposed.rb(), -1.0, par);
         }
         if !factor_block(diagonal.rb_mut(), par) {
@@ -333,18 +400,32 @@ pub(super) fn factor(mut matrix: MatMut<'_, f64>, par: Par) -> bool {
 /// The same for a block.
 fn factor_block(matrix: MatMut<'_, f64>, par: Par) -> bool {
     let n = matrix.nrows();
-    let mut buffer = MemBuffer::new(llt::cholesky_in_place_scratch::<f64>(n, par, Default::default()));
-    llt::cholesky_in_place(matrix, Default::default(), par, MemStack::new(&mut buffer), Default::default()).is_ok()
+    let mut buffer =
+        MemBuffer::new(llt::cholesky_in_place_scratch::<f64>(n, par, Default::default()));
+    llt::cholesky_in_place(
+        matrix,
+        Default::default(),
+        par,
+        MemStack::new(&mut buffer),
+        Default::default(),
+    )
+    .is_ok()
 }
 
-/// Rows and columns of the blocks in which triangular matrices are treated: what one core keeps in its cache; several share
-/// work better if there is much of it.
+/// Rows and columns of the blocks in which triangular matrices are treated: what one core keeps in
+/// its cache; several share work better if there is much of it.
 fn block(n: usize, par: Par) -> usize {
     if matches!(par, Par::Seq) { PANEL } else { n.max(1) }
 }
 
 /// out += factor * a b, a block of rows after the other.
-fn add_product<T: FloatNumber>(mut out: MatMut<'_, T>, a: MatRef<'_, T>, b: MatRef<'_, T>, factor: T, par: Par) {
+fn add_product<T: FloatNumber>(
+    mut out: MatMut<'_, T>,
+    a: MatRef<'_, T>,
+    b: MatRef<'_, T>,
+    factor: T,
+    par: Par,
+) {
     let rows = out.nrows();
     for start in (0..rows).step_by(PANEL) {
         let height = PANEL.min(rows - start);
@@ -358,12 +439,18 @@ pub(super) fn invert_factor(factor: MatRef<'_, f64>, out: MatMut<'_, f64>, par: 
     invert_lower_triangular(out, factor, par);
 }
 
-/// The same in place of L, `panel` as for [`likelihood_gradient`]: the columns of a block of the identity by forward substitution.
-pub(super) fn invert_in_place<T: FloatNumber>(mut lower: MatMut<'_, T>, mut panel: MatMut<'_, T>, par: Par) {
+/// The same in place of L, `panel` as for [`likelihood_gradient`]: the columns of a block of the
+/// identity by forward substitution.
+pub(super) fn invert_in_place<T: FloatNumber>(
+    mut lower: MatMut<'_, T>,
+    mut panel: MatMut<'_, T>,
+    par: Par,
+) {
     let n = lower.nrows();
     for start in (0..n).step_by(PANEL) {
         let width = PANEL.min(n - start);
-        let (mut diagonal, _, mut side, rest) = lower.rb_mut().split_at_mut(start, start).3.split_at_mut(width, width);
+        let (mut diagonal, _, mut side, rest) =
+            lower.rb_mut().split_at_mut(start, start).3.split_at_mut(width, width);
         let rest = rest.rb();
         let mut copy = panel.rb_mut().submatrix_mut(0, 0, width, width);
         invert_lower_triangular(copy.rb_mut(), diagonal.rb(), par);
@@ -372,7 +459,17 @@ pub(super) fn invert_in_place<T: FloatNumber>(mut lower: MatMut<'_, T>, mut pane
         let rows = side.nrows();
         let mut copy = panel.rb_mut().submatrix_mut(0, 0, rows, width);
         copy.copy_from(side.rb());
-        matmul(side.rb_mut(), FULL, Accum::Replace, copy.rb(), FULL, diagonal.rb(), LOWER, T::from_f64(-1.0), par);
+        matmul(
+            side.rb_mut(),
+            FULL,
+            Accum::Replace,
+            copy.rb(),
+            FULL,
+            diagonal.rb(),
+            LOWER,
+            T::from_f64(-1.0),
+            par,
+        );
         substitute(rest, side, par);
     }
 }
@@ -408,8 +505,10 @@ fn substitute_here<T: FloatNumber>(lower: MatRef<'_, T>, mut columns: MatMut<'_,
     let n = lower.nrows();
     for start in (0..n).step_by(PANEL) {
         let height = PANEL.min(n - start);
-        let (diagonal, left) = lower.submatrix(start, start, n - start, height).split_at_row(height);
-        let (mut solved, below) = columns.rb_mut().split_at_row_mut(start).1.split_at_row_mut(height);
+        let (diagonal, left) =
+            lower.submatrix(start, start, n - start, height).split_at_row(height);
+        let (mut solved, below) =
+            columns.rb_mut().split_at_row_mut(start).1.split_at_row_mut(height);
         solve_lower_triangular_in_place(diagonal, solved.rb_mut(), Par::Seq);
         add_product(below, left, solved.rb(), T::from_f64(-1.0), Par::Seq);
     }
@@ -417,7 +516,17 @@ fn substitute_here<T: FloatNumber>(lower: MatRef<'_, T>, mut columns: MatMut<'_,
 
 /// Lower triangle of (L Lᵀ)⁻¹ = L⁻ᵀ L⁻¹ from L⁻¹.
 pub(super) fn inverse_from(inverse_factor: MatRef<'_, f64>, out: MatMut<'_, f64>, par: Par) {
-    matmul(out, LOWER, Accum::Replace, inverse_factor.transpose(), UPPER, inverse_factor, LOWER, 1.0, par);
+    matmul(
+        out,
+        LOWER,
+        Accum::Replace,
+        inverse_factor.transpose(),
+        UPPER,
+        inverse_factor,
+        LOWER,
+        1.0,
+        par,
+    );
 }
 
 #[cfg(test)]
@@ -426,11 +535,17 @@ mod tests {
 
     /// A covariance of points on a line, of two whole blocks and a part of one.
     fn covariance_matrix(n: usize) -> Mat<f64> {
-        Mat::from_fn(n, n, |i, j| (-((i as f64 - j as f64) / 40.0).powi(2)).exp() + if i == j { 0.1 } else { 0.0 })
+        Mat::from_fn(n, n, |i, j| {
+            (-((i as f64 - j as f64) / 40.0).powi(2)).exp() + if i == j { 0.1 } else { 0.0 }
+        })
     }
 
     fn lower(matrix: &Mat<f64>) -> Mat<f64> {
-        Mat::from_fn(matrix.nrows(), matrix.ncols(), |i, j| if i >= j { matrix[(i, j)] } else { 0.0 })
+        Mat::from_fn(
+            matrix.nrows(),
+            matrix.ncols(),
+            |i, j| if i >= j { matrix[(i, j)] } else { 0.0 },
+        )
     }
 
     #[test]
@@ -453,7 +568,8 @@ mod tests {
                 let rest = matrix.as_ref().submatrix(start, start, n - start, n - start);
                 inverse_columns(rest, panel.as_mut().submatrix_mut(0, 0, n - start, width), par);
                 let expected = inverse_root.transpose() * inverse_root.subcols(start, width);
-                let difference = |i: usize, k: usize| (panel[(i - start, k)] - expected[(i, k)]).abs();
+                let difference =
+                    |i: usize, k: usize| (panel[(i - start, k)] - expected[(i, k)]).abs();
                 assert!((0..width).all(|k| (start + k..n).all(|i| difference(i, k) < 1e-12)));
             }
         }

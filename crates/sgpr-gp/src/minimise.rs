@@ -3,7 +3,8 @@
 use std::cell::RefCell;
 
 use basin::{
-    BoxBounds, ConstraintDescription, ConstraintSet, Constraints, CostFunction, Executor, Gradient, Lbfgs, Termination,
+    BoxBounds, ConstraintDescription, ConstraintSet, Constraints, CostFunction, Executor, Gradient,
+    Lbfgs, Termination,
 };
 
 use super::GpError;
@@ -44,11 +45,11 @@ pub(crate) struct StoppingCriteria {
 /// Value and gradient; `Err` ends the search.
 type Evaluate<'a> = dyn FnMut(&[f64]) -> Result<(f64, Vec<f64>), GpError> + 'a;
 
-/// Minimises by L-BFGS-B from `start`. Points at which the function cannot be computed count as very bad ones; the search
-/// ends early if the listener stops it.
+/// Minimises by L-BFGS-B from `start`. Points at which the function cannot be computed count as
+/// very bad ones; the search ends early if the listener stops it.
 ///
-/// Source: R. H. Byrd, P. Lu, J. Nocedal, C. Zhu, A limited memory algorithm for bound constrained optimization, SIAM J.
-/// Sci. Comput. 16(5) (1995), as built in the crate basin.
+/// Source: R. H. Byrd, P. Lu, J. Nocedal, C. Zhu, A limited memory algorithm for bound constrained
+/// optimization, SIAM J. Sci. Comput. 16(5) (1995), as built in the crate basin.
 ///
 /// # Errors
 /// If not even the start could be evaluated.
@@ -59,14 +60,20 @@ pub(crate) fn minimise(
     limits: StoppingCriteria,
     evaluate: &mut Evaluate<'_>,
 ) -> Result<Minimum, GpError> {
-    let start: Vec<f64> = start.iter().zip(lower.iter().zip(upper)).map(|(x, (l, u))| x.clamp(*l, *u)).collect();
+    let start: Vec<f64> =
+        start.iter().zip(lower.iter().zip(upper)).map(|(x, (l, u))| x.clamp(*l, *u)).collect();
     let state = RefCell::new(MinimiserState { evaluate, best: None, evaluations: 0, ended: None });
-    let objective =
-        BoundedFunction { lower: lower.to_vec(), upper: upper.to_vec(), limit: limits.evaluations, state: &state };
+    let objective = BoundedFunction {
+        lower: lower.to_vec(),
+        upper: upper.to_vec(),
+        limit: limits.evaluations,
+        state: &state,
+    };
     let solver = Lbfgs::new()
         .with_relative_cost_reduction_tolerance(limits.gain)
         .with_absolute_projected_gradient_tolerance(limits.gradient);
-    let outcome = Executor::from_start(objective, solver, start).max_iter(limits.evaluations as u64).run();
+    let outcome =
+        Executor::from_start(objective, solver, start).max_iter(limits.evaluations as u64).run();
     let reached = match &outcome {
         Ok(result) => match result.report.termination {
             Termination::Converged(_) => SearchStatus::Converged,
@@ -139,7 +146,9 @@ impl Gradient for BoundedFunction<'_, '_, '_> {
         }
         state.evaluations += 1;
         match (state.evaluate)(x) {
-            Ok((value, gradient)) if value.is_finite() && gradient.iter().all(|g| g.is_finite()) => {
+            Ok((value, gradient))
+                if value.is_finite() && gradient.iter().all(|g| g.is_finite()) =>
+            {
                 if state.best.as_ref().is_none_or(|(best, _)| value < *best) {
                     state.best = Some((value, x.clone()));
                 }
@@ -172,15 +181,24 @@ mod tests {
         (a * a + 100.0 * b * b, vec![-2.0 * a - 400.0 * b * x[0], 200.0 * b])
     }
 
-    const LIMITS: StoppingCriteria = StoppingCriteria { evaluations: 200, gain: 1e-15, gradient: 1e-9 };
+    const LIMITS: StoppingCriteria =
+        StoppingCriteria { evaluations: 200, gain: 1e-15, gradient: 1e-9 };
 
     #[test]
     fn finds_a_minimum_inside_and_on_a_bound() {
         let mut function = |x: &[f64]| Ok(rosenbrock(x));
-        let free = minimise(&[-1.2, 1.0], &[-5.0; 2], &[5.0; 2], LIMITS, &mut function).expect("evaluated");
-        assert!((free.at[0] - 1.0).abs() < 1e-6 && free.status == SearchStatus::Converged, "{free:?}");
-        let bound = minimise(&[-1.2, 1.0], &[-5.0; 2], &[0.5, 5.0], LIMITS, &mut function).expect("evaluated");
-        assert!((bound.at[0] - 0.5).abs() < 1e-12 && (bound.at[1] - 0.25).abs() < 1e-6, "{bound:?}");
+        let free = minimise(&[-1.2, 1.0], &[-5.0; 2], &[5.0; 2], LIMITS, &mut function)
+            .expect("evaluated");
+        assert!(
+            (free.at[0] - 1.0).abs() < 1e-6 && free.status == SearchStatus::Converged,
+            "{free:?}"
+        );
+        let bound = minimise(&[-1.2, 1.0], &[-5.0; 2], &[0.5, 5.0], LIMITS, &mut function)
+            .expect("evaluated");
+        assert!(
+            (bound.at[0] - 0.5).abs() < 1e-12 && (bound.at[1] - 0.25).abs() < 1e-6,
+            "{bound:?}"
+        );
     }
 
     #[test]
@@ -195,12 +213,15 @@ mod tests {
             best = best.min(rosenbrock(x).0);
             Ok(rosenbrock(x))
         };
-        let stopped = minimise(&[-1.2, 1.0], &[-5.0; 2], &[5.0; 2], LIMITS, &mut stopping).expect("seven points");
+        let stopped = minimise(&[-1.2, 1.0], &[-5.0; 2], &[5.0; 2], LIMITS, &mut stopping)
+            .expect("seven points");
         assert_eq!((stopped.status, stopped.value), (SearchStatus::Stopped, best));
         let few = StoppingCriteria { evaluations: 5, ..LIMITS };
-        let few = minimise(&[-1.2, 1.0], &[-5.0; 2], &[5.0; 2], few, &mut |x| Ok(rosenbrock(x))).expect("five");
+        let few = minimise(&[-1.2, 1.0], &[-5.0; 2], &[5.0; 2], few, &mut |x| Ok(rosenbrock(x)))
+            .expect("five");
         assert_eq!((few.status, few.evaluations), (SearchStatus::EvaluationLimit, 5));
-        let none = minimise(&[0.0; 2], &[-5.0; 2], &[5.0; 2], LIMITS, &mut |_| Err(Interrupted.into()));
+        let none =
+            minimise(&[0.0; 2], &[-5.0; 2], &[5.0; 2], LIMITS, &mut |_| Err(Interrupted.into()));
         assert_eq!(none.expect_err("nothing"), GpError::Interrupted(Interrupted));
     }
 }

@@ -14,7 +14,8 @@ use sgpr_numeric::progress::{Interrupted, Progress};
 pub struct SearchOptions {
     /// Starts: the given covariance, and others around it.
     pub starts: usize,
-    /// Points of the random subset on which all starts are tried; only the best goes on to all points.
+    /// Points of the random subset on which all starts are tried; only the best goes on to all
+    /// points.
     pub subset: usize,
     /// Evaluations of the likelihood, for each start and for the last search.
     pub evaluations: usize,
@@ -22,10 +23,11 @@ pub struct SearchOptions {
     pub gain: f64,
     /// Bounds of theta; by default from the spread of the data.
     pub bounds: Option<Vec<(f64, f64)>>,
-    /// Weak prior on theta: (mean, standard deviation) of a normal distribution, or none. Keeps a noise variance from
-    /// running to zero where the data do not speak against it.
+    /// Weak prior on theta: (mean, standard deviation) of a normal distribution, or none. Keeps a
+    /// noise variance from running to zero where the data do not speak against it.
     pub priors: Vec<Option<(f64, f64)>>,
-    /// Linear terms with unknown coefficients beside the process, `[points, terms]`, row-major; empty for none.
+    /// Linear terms with unknown coefficients beside the process, `[points, terms]`, row-major;
+    /// empty for none.
     pub terms: Vec<f64>,
     /// Seed of the subset and of the other starts.
     pub seed: u64,
@@ -48,13 +50,21 @@ impl Default for SearchOptions {
 
 impl SearchOptions {
     /// Bounds of theta, given or from the data.
-    pub(super) fn bounds_for(&self, data: &Data, start: &Covariance) -> Result<Vec<(f64, f64)>, GpError> {
+    pub(super) fn bounds_for(
+        &self,
+        data: &Data,
+        start: &Covariance,
+    ) -> Result<Vec<(f64, f64)>, GpError> {
         let bounds = self.bounds.clone().unwrap_or_else(|| data.bounds(start));
         let expected = start.theta().len();
         let points = data.len();
         if !self.terms.len().is_multiple_of(points) {
             let expected = self.terms.len().next_multiple_of(points);
-            return Err(GpError::Shape { what: "the linear terms", found: self.terms.len(), expected });
+            return Err(GpError::Shape {
+                what: "the linear terms",
+                found: self.terms.len(),
+                expected,
+            });
         }
         for (what, found) in [("the bounds", bounds.len()), ("the priors", self.priors.len())] {
             if found != expected && !(what == "the priors" && found == 0) {
@@ -87,12 +97,14 @@ pub struct SearchReport {
     pub jitter: f64,
 }
 
-/// Searches for the hyperparameters with the largest log marginal likelihood (plus the priors, if there are).
+/// Searches for the hyperparameters with the largest log marginal likelihood (plus the priors, if
+/// there are).
 ///
 /// `progress` hears of every evaluation; when it asks to stop, the best so far is the result.
 ///
 /// # Errors
-/// If the covariance does not fit the data, there are too many points, or not one evaluation was possible.
+/// If the covariance does not fit the data, there are too many points, or not one evaluation was
+/// possible.
 pub fn search(
     data: &Data,
     start: &Covariance,
@@ -103,7 +115,15 @@ pub fn search(
     start.validate(data.inputs())?;
     compute.check(data.len(), 1)?;
     let bounds = options.bounds_for(data, start)?;
-    let mut run = SearchRun { start, options, compute, progress, bounds: &bounds, jitter: 0.0, stopped: false };
+    let mut run = SearchRun {
+        start,
+        options,
+        compute,
+        progress,
+        bounds: &bounds,
+        jitter: 0.0,
+        stopped: false,
+    };
     let SubsetSearch { best, starts, evaluations: evaluations_on_subset } = run.on_subset(data)?;
     let minimum = run.search(data, &options.terms, &best, "hyperparameters")?;
     let covariance = start.with_theta(&minimum.at);
@@ -125,7 +145,13 @@ pub(super) fn at_bounds(covariance: &Covariance, bounds: &[(f64, f64)]) -> Vec<S
     let at_bound = |(t, (low, high)): (&f64, &(f64, f64))| near(*t, *low) || near(*t, *high);
     let theta = covariance.theta();
     let flags = theta.iter().zip(bounds).map(at_bound);
-    covariance.names().into_iter().zip(flags).filter(|(_, at_bound)| *at_bound).map(|(name, _)| name).collect()
+    covariance
+        .names()
+        .into_iter()
+        .zip(flags)
+        .filter(|(_, at_bound)| *at_bound)
+        .map(|(name, _)| name)
+        .collect()
 }
 
 /// A search under way.
@@ -148,7 +174,8 @@ pub(super) struct SubsetSearch {
 }
 
 impl SearchRun<'_> {
-    /// Tries all starts on a random subset of the points, unless there is but one start and few points.
+    /// Tries all starts on a random subset of the points, unless there is but one start and few
+    /// points.
     pub fn on_subset(&mut self, data: &Data) -> Result<SubsetSearch, GpError> {
         let Self { options, start, .. } = *self;
         let theta = start.theta();
@@ -157,13 +184,17 @@ impl SearchRun<'_> {
             return Ok(found);
         }
         let mut random = Random::new(options.seed);
-        let mut around = |theta: &[f64]| theta.iter().map(|t| t + 3.0 * (random.uniform() - 0.5)).collect();
+        let mut around =
+            |theta: &[f64]| theta.iter().map(|t| t + 3.0 * (random.uniform() - 0.5)).collect();
         let others: Vec<Vec<f64>> = (1..options.starts).map(|_| around(&theta)).collect();
         let chosen = random.choose(options.subset.max(2), data.len());
         let subset = data.select(&chosen);
         let width = options.terms.len() / data.len();
-        let terms: Vec<f64> =
-            chosen.iter().flat_map(|&k| &options.terms[k * width..(k + 1) * width]).copied().collect();
+        let terms: Vec<f64> = chosen
+            .iter()
+            .flat_map(|&k| &options.terms[k * width..(k + 1) * width])
+            .copied()
+            .collect();
         let mut best_value = f64::INFINITY;
         for theta in std::iter::once(&theta).chain(&others) {
             let minimum = match self.search(&subset, &terms, theta, "hyperparameters on a subset") {
@@ -194,7 +225,11 @@ impl SearchRun<'_> {
     ) -> Result<Minimum, GpError> {
         let mut likelihood = match terms.len() / data.len() {
             0 => Likelihood::new(data, self.compute)?,
-            width => Likelihood::beside(data, MatRef::from_row_major_slice(terms, data.len(), width), self.compute)?,
+            width => Likelihood::beside(
+                data,
+                MatRef::from_row_major_slice(terms, data.len(), width),
+                self.compute,
+            )?,
         };
         let (lower, upper): (Vec<f64>, Vec<f64>) = self.bounds.iter().copied().unzip();
         // The gradient grows with the number of points.
@@ -213,7 +248,8 @@ impl SearchRun<'_> {
                 self.progress.step(stage, done, self.options.evaluations)?;
             }
             done += 1;
-            let (value, mut gradient) = likelihood.value_and_gradient(&self.start.with_theta(theta))?;
+            let (value, mut gradient) =
+                likelihood.value_and_gradient(&self.start.with_theta(theta))?;
             jitter = f64::max(jitter, likelihood.jitter());
             let prior = log_prior(&self.options.priors, theta, Some(&mut gradient));
             gradient.iter_mut().for_each(|g| *g = -*g);
@@ -227,7 +263,11 @@ impl SearchRun<'_> {
 }
 
 /// Log density of the priors up to a constant; adds its derivatives.
-pub(super) fn log_prior(priors: &[Option<(f64, f64)>], theta: &[f64], mut gradient: Option<&mut Vec<f64>>) -> f64 {
+pub(super) fn log_prior(
+    priors: &[Option<(f64, f64)>],
+    theta: &[f64],
+    mut gradient: Option<&mut Vec<f64>>,
+) -> f64 {
     let mut sum = 0.0;
     for (k, (prior, theta)) in priors.iter().zip(theta).enumerate() {
         if let Some((mean, deviation)) = prior {
@@ -242,9 +282,9 @@ pub(super) fn log_prior(priors: &[Option<(f64, f64)>], theta: &[f64], mut gradie
 }
 
 impl Data {
-    /// Bounds of theta of a covariance of these data: length scales from a thousandth of the spread of their inputs
-    /// to a thousand times it,
-    /// variances from a millionth of the mean square of y to ten thousand times it, the noise variance from 1e-8 of it.
+    /// Bounds of theta of a covariance of these data: length scales from a thousandth of the spread
+    /// of their inputs to a thousand times it, variances from a millionth of the mean square of y
+    /// to ten thousand times it, the noise variance from 1e-8 of it.
     pub fn bounds(&self, covariance: &Covariance) -> Vec<(f64, f64)> {
         let spread = spreads(self.x(), self.inputs());
         let scale = match self.mean_square() {

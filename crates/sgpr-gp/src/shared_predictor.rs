@@ -4,8 +4,9 @@ use sgpr_predict::gp::{Precision, SharedPredictor, WeightedKernel};
 
 use super::{GaussianProcess, InducedProcess};
 
-/// One predictor for several processes. None if there is no process, if they do not have the same points, have several outputs,
-/// or if a kernel is more than one stationary shape: ask each by [`GaussianProcess::predictor`] then.
+/// One predictor for several processes. None if there is no process, if they do not have the same
+/// points, have several outputs, or if a kernel is more than one stationary shape: ask each by
+/// [`GaussianProcess::predictor`] then.
 ///
 /// # Examples
 /// ```
@@ -21,7 +22,10 @@ use super::{GaussianProcess, InducedProcess};
 /// assert!((means[0] - 1.0).abs() < 1e-3 && means[1].abs() < 1e-3);
 /// # Ok::<(), sgpr_gp::GpError>(())
 /// ```
-pub fn shared_predictor(processes: &[&GaussianProcess], precision: Precision) -> Option<SharedPredictor> {
+pub fn shared_predictor(
+    processes: &[&GaussianProcess],
+    precision: Precision,
+) -> Option<SharedPredictor> {
     if processes.iter().any(|gp| gp.data().outputs() != 1) {
         return None;
     }
@@ -34,7 +38,12 @@ impl GaussianProcess {
     #[doc(hidden)]
     pub fn weighted_kernel(&self) -> WeightedKernel<'_> {
         let (data, weights) = (self.data(), &self.alpha[0]);
-        WeightedKernel { signal: &self.covariance().signal, x: data.x(), inputs: data.inputs(), weights }
+        WeightedKernel {
+            signal: &self.covariance().signal,
+            x: data.x(),
+            inputs: data.inputs(),
+            weights,
+        }
     }
 }
 

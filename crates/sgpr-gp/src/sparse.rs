@@ -7,20 +7,23 @@ use rayon::prelude::*;
 
 use super::exact::Prediction;
 use super::induced::{
-    CHUNK, Evidence, InducedPosterior, InducedProcess, InducedVariance, JITTER, cross_covariances, mirror, outputs_of,
-    plan,
+    CHUNK, Evidence, InducedPosterior, InducedProcess, InducedVariance, JITTER, cross_covariances,
+    mirror, outputs_of, plan,
 };
 use super::kernels::{Features, Plan, TILE};
 use super::matrix::inverse_from;
 use super::{Compute, Covariance, Data, GpError, KernelError, LeaveOneOut};
 
-/// Lower bound of the log marginal likelihood of a process that sees the data through m inducing points: n m² operations
-/// and memory for n (inputs + outputs) + 6 m² numbers, so that a million points are no burden.
+/// Lower bound of the log marginal likelihood of a process that sees the data through m inducing
+/// points: n m² operations and memory for n (inputs + outputs) + 6 m² numbers, so that a million
+/// points are no burden.
 ///
-/// log p(y) >= log N(y; 0, Q + noise I) - (n k(x, x) - tr Q) / (2 noise), Q = K_fu K_uu⁻¹ K_uf, summed over outputs. The
-/// second term is what keeps the bound honest: points that the inducing points do not explain cost something.
+/// log p(y) >= log N(y; 0, Q + noise I) - (n k(x, x) - tr Q) / (2 noise), Q = K_fu K_uu⁻¹ K_uf,
+/// summed over outputs. The second term is what keeps the bound honest: points that the inducing
+/// points do not explain cost something.
 ///
-/// Source: M. K. Titsias, Variational learning of inducing variables in sparse Gaussian processes, AISTATS (2009).
+/// Source: M. K. Titsias, Variational learning of inducing variables in sparse Gaussian processes,
+/// AISTATS (2009).
 #[derive(Debug)]
 pub struct SparseBound<'a> {
     data: &'a Data,
@@ -57,7 +60,8 @@ impl<'a> SparseBound<'a> {
     /// The bound with these inducing points, `[inducing, inputs]`, row-major.
     ///
     /// # Errors
-    /// If the covariance or the inducing points do not fit the data, or the covariance has correlated noise.
+    /// If the covariance or the inducing points do not fit the data, or the covariance has
+    /// correlated noise.
     pub fn value(&self, covariance: &Covariance, inducing: &[f64]) -> Result<f64, GpError> {
         let plan = self.plan(covariance, inducing)?;
         let points = plan.features(self.data.x(), self.data.inputs());
@@ -82,9 +86,11 @@ impl<'a> SparseBound<'a> {
         let induced = plan.features(inducing, inputs);
         let evidence = self.evidence(&plan, &points, &induced);
         let solution = self.solve(&plan, &induced, &evidence, noise)?;
-        let Adjoints { of_inducing, of_products, of_noise } = self.adjoints(&plan, &evidence, &solution, noise);
+        let Adjoints { of_inducing, of_products, of_noise } =
+            self.adjoints(&plan, &evidence, &solution, noise);
 
-        // d bound / d K_fu = 2 K_fu (d bound / d products) + y weightsᵀ / noise, a chunk of rows at a time.
+        // d bound / d K_fu = 2 K_fu (d bound / d products) + y weightsᵀ / noise, a chunk of rows at
+        // a time.
         let m = induced.count();
         let mut theta = vec![0.0; plan.theta_len()];
         let mut coordinates = vec![0.0; m * plan.coordinates()];
@@ -95,7 +101,14 @@ impl<'a> SparseBound<'a> {
             cross_covariances(&plan, &points, &induced, first, &mut cross, &self.compute);
             let part = cross.as_ref().subrows(0, rows);
             let mut out = adjoint.as_mut().subrows_mut(0, rows);
-            matmul(out.as_mut(), Accum::Replace, part, of_products.as_ref(), 2.0, self.compute.par());
+            matmul(
+                out.as_mut(),
+                Accum::Replace,
+                part,
+                of_products.as_ref(),
+                2.0,
+                self.compute.par(),
+            );
             let y = outputs_of(self.data, first, rows);
             matmul(
                 out,
@@ -132,7 +145,8 @@ impl<'a> SparseBound<'a> {
 
     fn plan(&self, covariance: &Covariance, inducing: &[f64]) -> Result<Plan, GpError> {
         if covariance.correlated_noise.is_some() {
-            let found = "correlated noise, which the search for a sparse process cannot have".into();
+            let found =
+                "correlated noise, which the search for a sparse process cannot have".into();
             return Err(KernelError::Unfit {
                 found,
                 advice: "leave it out, or thin the data and take the exact process",
@@ -160,7 +174,8 @@ impl<'a> SparseBound<'a> {
     ) -> Result<SolvedBound, GpError> {
         let (m, n) = (inducing.count(), self.data.len() as f64);
         let Evidence { products, projection, .. } = evidence;
-        let posterior = InducedPosterior::new(plan, inducing, products, projection, noise, &self.compute)?;
+        let posterior =
+            InducedPosterior::new(plan, inducing, products, projection, noise, &self.compute)?;
         let fit = squares(evidence) / noise - posterior.fit;
         let log_root: f64 = (0..m).map(|i| posterior.inner_factor[(i, i)].ln()).sum();
         let per_output = n * (std::f64::consts::TAU * noise).ln() + 2.0 * log_root;
@@ -169,7 +184,13 @@ impl<'a> SparseBound<'a> {
         Ok(SolvedBound { value, posterior })
     }
 
-    fn adjoints(&self, plan: &Plan, evidence: &Evidence, solution: &SolvedBound, noise: f64) -> Adjoints {
+    fn adjoints(
+        &self,
+        plan: &Plan,
+        evidence: &Evidence,
+        solution: &SolvedBound,
+        noise: f64,
+    ) -> Adjoints {
         let (m, par) = (solution.posterior.inner_factor.ncols(), self.compute.par());
         let (n, outputs) = (self.data.len() as f64, self.data.outputs() as f64);
         let inverse_of = |inverse_factor: &Mat<f64>| {
@@ -189,20 +210,29 @@ impl<'a> SparseBound<'a> {
         let half = &prior_inverse * &evidence.products;
         let mut of_inducing = of_sum.clone();
         of_inducing += &prior_inverse * faer::Scale(0.5 * outputs);
-        matmul(of_inducing.as_mut(), Accum::Add, half.as_ref(), prior_inverse.as_ref(), -0.5 * outputs / noise, par);
+        matmul(
+            of_inducing.as_mut(),
+            Accum::Add,
+            half.as_ref(),
+            prior_inverse.as_ref(),
+            -0.5 * outputs / noise,
+            par,
+        );
         let inner_product = |a: &Mat<f64>, b: &Mat<f64>| -> f64 {
             a.col_iter().zip(b.col_iter()).map(|(a, b)| a.transpose() * b).sum()
         };
         let unexplained = n * plan.variance() - solution.posterior.explained;
-        let of_noise = -0.5 * outputs * n / noise - inner_product(&of_sum, &evidence.products) / noise.powi(2)
+        let of_noise = -0.5 * outputs * n / noise
+            - inner_product(&of_sum, &evidence.products) / noise.powi(2)
             + 0.5 * squares(evidence) / noise.powi(2)
             - inner_product(&evidence.projection, weights) / noise.powi(2)
             + 0.5 * outputs * unexplained / noise.powi(2);
         Adjoints { of_inducing, of_products, of_noise }
     }
 
-    /// Adds the share of some rows of `points`, with the adjoint of their covariances with the inducing points in the first
-    /// rows of `adjoint`, to the derivatives by the hyperparameters and by the coordinates of the inducing points.
+    /// Adds the share of some rows of `points`, with the adjoint of their covariances with the
+    /// inducing points in the first rows of `adjoint`, to the derivatives by the hyperparameters
+    /// and by the coordinates of the inducing points.
     fn add_gradient(
         &self,
         plan: &Plan,
@@ -215,7 +245,15 @@ impl<'a> SparseBound<'a> {
         let (first, width) = (rows.start, plan.coordinates());
         let work = |(u, coordinates): (usize, &mut [f64])| {
             let weights = &adjoint.col_as_slice(u)[..rows.len()];
-            Arch::new().dispatch(PointGradient { plan, points, first, inducing, u, weights, coordinates })
+            Arch::new().dispatch(PointGradient {
+                plan,
+                points,
+                first,
+                inducing,
+                u,
+                weights,
+                coordinates,
+            })
         };
         let add = |mut sum: Vec<f64>, part: Vec<f64>| {
             sum.iter_mut().zip(part).for_each(|(sum, part)| *sum += part);
@@ -224,7 +262,8 @@ impl<'a> SparseBound<'a> {
         let zero = || vec![0.0; plan.theta_len()];
         let sum = if self.compute.threads > 1 {
             // Collected first, so that the order of the sum does not depend on the threads.
-            let parts: Vec<Vec<f64>> = coordinates.par_chunks_exact_mut(width).enumerate().map(work).collect();
+            let parts: Vec<Vec<f64>> =
+                coordinates.par_chunks_exact_mut(width).enumerate().map(work).collect();
             parts.into_iter().fold(zero(), add)
         } else {
             coordinates.chunks_exact_mut(width).enumerate().map(work).fold(zero(), add)
@@ -267,7 +306,14 @@ impl WithSimd for PointGradient<'_> {
             tile[count..].fill(0.0);
             plan.values::<_, S, true>(simd, points, (start, length), &query, &mut work);
             let location = Some(&mut *coordinates);
-            plan.gradient(simd, (points, start, length), &query, &tile[..length], &mut work, (&mut theta, location));
+            plan.gradient(
+                simd,
+                (points, start, length),
+                &query,
+                &tile[..length],
+                &mut work,
+                (&mut theta, location),
+            );
         }
         theta
     }
@@ -295,18 +341,31 @@ pub struct SparseGaussianProcess {
 }
 
 impl SparseGaussianProcess {
-    /// Conditions on data through `inducing`, `[inducing, inputs]`, with the hyperparameters as they are.
+    /// Conditions on data through `inducing`, `[inducing, inputs]`, with the hyperparameters as
+    /// they are.
     ///
     /// # Errors
     /// As [`SparseBound::value`].
-    pub fn fit(data: &Data, covariance: Covariance, inducing: Vec<f64>, compute: &Compute) -> Result<Self, GpError> {
+    pub fn fit(
+        data: &Data,
+        covariance: Covariance,
+        inducing: Vec<f64>,
+        compute: &Compute,
+    ) -> Result<Self, GpError> {
         let bound = SparseBound::new(data, compute);
         let plan = bound.plan(&covariance, &inducing)?;
         let points = plan.features(data.x(), data.inputs());
         let induced = plan.features(&inducing, data.inputs());
         let evidence = bound.evidence(&plan, &points, &induced);
-        let SolvedBound { value, posterior } = bound.solve(&plan, &induced, &evidence, covariance.noise_variance)?;
-        let process = InducedProcess::from_posterior(covariance, inducing, data.inputs(), &posterior, compute);
+        let SolvedBound { value, posterior } =
+            bound.solve(&plan, &induced, &evidence, covariance.noise_variance)?;
+        let process = InducedProcess::from_posterior(
+            covariance,
+            inducing,
+            data.inputs(),
+            &posterior,
+            compute,
+        );
         Ok(Self { process, bound: value })
     }
 
@@ -333,24 +392,30 @@ impl SparseGaussianProcess {
         self.process.predict(x, with_variance)
     }
 
-    /// Every point of the data that it was fitted to predicted from all others, through the same inducing points.
+    /// Every point of the data that it was fitted to predicted from all others, through the same
+    /// inducing points.
     ///
-    /// What is learned are the values at the inducing points, by linear regression on the covariances with them: without a
-    /// point its residual is r / (1 - h), with h its leverage.
+    /// What is learned are the values at the inducing points, by linear regression on the
+    /// covariances with them: without a point its residual is r / (1 - h), with h its leverage.
     ///
     /// # Errors
     /// If the data have other inputs.
     ///
-    /// Source: D. A. Belsley, E. Kuh, R. E. Welsch, Regression Diagnostics (1980), ch. 2, on the model of Titsias (2009).
+    /// Source: D. A. Belsley, E. Kuh, R. E. Welsch, Regression Diagnostics (1980), ch. 2, on the
+    /// model of Titsias (2009).
     pub fn leave_one_out(&self, data: &Data) -> Result<LeaveOneOut, GpError> {
         let noise = self.covariance().noise_variance;
         let mut parts = Vec::with_capacity(data.len());
         let mean = self.process.predict_parts(data.x(), Some(&mut |point| parts.push(point)))?;
         // Rounding may leave a point that is seen by itself alone nothing.
         let left = |point: &InducedVariance| (1.0 - point.unknown / noise).max(1e-9);
-        let variance = parts.iter().map(|point| noise + point.unseen.max(0.0) + point.unknown / left(point)).collect();
+        let variance = parts
+            .iter()
+            .map(|point| noise + point.unseen.max(0.0) + point.unknown / left(point))
+            .collect();
         let errors = data.y().iter().zip(&mean).enumerate();
-        let errors: Vec<f64> = errors.map(|(k, (y, mean))| (y - mean) / left(&parts[k / data.outputs()])).collect();
+        let errors: Vec<f64> =
+            errors.map(|(k, (y, mean))| (y - mean) / left(&parts[k / data.outputs()])).collect();
         Ok(LeaveOneOut::new(data, &errors, variance))
     }
 }

@@ -5,24 +5,32 @@ use pulp::{Arch, Simd, WithSimd};
 use super::Kernel;
 use super::kernels::{Features, Plan};
 
-/// Numbers that the partial Cholesky factor of [`informative_points`] may hold; candidates are thinned to this.
+/// Numbers that the partial Cholesky factor of [`informative_points`] may hold; candidates are
+/// thinned to this.
 const LARGEST_FACTOR: usize = 1 << 26;
 
-/// The `count` points of `x` (`[points, inputs]`, row-major) about which the others say least: one after the other, the
-/// point whose variance, given those chosen before, is largest (a Cholesky factorisation with pivoting). Ends early when
-/// no variance is left. The order is that of choice.
+/// The `count` points of `x` (`[points, inputs]`, row-major) about which the others say least: one
+/// after the other, the point whose variance, given those chosen before, is largest (a Cholesky
+/// factorisation with pivoting). Ends early when no variance is left. The order is that of choice.
 ///
-/// More candidates than memory is meant for are first thinned: of each stretch of 2,048 the most informative ones stay.
+/// More candidates than memory is meant for are first thinned: of each stretch of 2,048 the most
+/// informative ones stay.
 ///
-/// Source: L. Foster et al., Stable and efficient Gaussian process calculations, J. Mach. Learn. Res. 10 (2009).
+/// Source: L. Foster et al., Stable and efficient Gaussian process calculations, J. Mach. Learn.
+/// Res. 10 (2009).
 pub fn informative_points(kernel: &Kernel, x: &[f64], inputs: usize, count: usize) -> Vec<usize> {
     let points = x.len() / inputs;
     let most = (LARGEST_FACTOR / count.max(1)).max(count);
     if points > most {
-        let candidates =
-            if 4 * count <= most { stay(kernel, x, inputs, 4 * count) } else { spread_points(kernel, x, inputs, most) };
-        let thinned: Vec<f64> =
-            candidates.iter().flat_map(|&i| x[i * inputs..(i + 1) * inputs].iter().copied()).collect();
+        let candidates = if 4 * count <= most {
+            stay(kernel, x, inputs, 4 * count)
+        } else {
+            spread_points(kernel, x, inputs, most)
+        };
+        let thinned: Vec<f64> = candidates
+            .iter()
+            .flat_map(|&i| x[i * inputs..(i + 1) * inputs].iter().copied())
+            .collect();
         let chosen = informative_points(kernel, &thinned, inputs, count);
         return chosen.into_iter().map(|k| candidates[k]).collect();
     }
@@ -31,9 +39,13 @@ pub fn informative_points(kernel: &Kernel, x: &[f64], inputs: usize, count: usiz
     partial_factor(&plan, &features, count).0
 }
 
-/// At most `count` steps of a Cholesky factorisation with pivoting: the points that were chosen, and for each the row of R,
-/// K ≈ Rᵀ R. Ends early when no variance is left.
-pub(super) fn partial_factor(plan: &Plan, features: &Features<f64>, count: usize) -> (Vec<usize>, Vec<Vec<f64>>) {
+/// At most `count` steps of a Cholesky factorisation with pivoting: the points that were chosen,
+/// and for each the row of R, K ≈ Rᵀ R. Ends early when no variance is left.
+pub(super) fn partial_factor(
+    plan: &Plan,
+    features: &Features<f64>,
+    count: usize,
+) -> (Vec<usize>, Vec<Vec<f64>>) {
     let mut variance = vec![plan.variance(); features.count()];
     let mut factor: Vec<Vec<f64>> = Vec::new();
     let mut chosen = Vec::new();
@@ -59,7 +71,8 @@ pub(super) fn partial_factor(plan: &Plan, features: &Features<f64>, count: usize
     (chosen, factor)
 }
 
-/// Points that a stretch is thinned to, if `fewest` allow it, and its length: the factor of a stretch fits into the cache.
+/// Points that a stretch is thinned to, if `fewest` allow it, and its length: the factor of a
+/// stretch fits into the cache.
 const STAYING: usize = 128;
 const STRETCH: usize = 2048;
 
@@ -75,11 +88,11 @@ fn stay(kernel: &Kernel, x: &[f64], inputs: usize, fewest: usize) -> Vec<usize> 
     x.chunks(STRETCH * inputs).enumerate().flat_map(of_stretch).collect()
 }
 
-/// `count` points of `x` spread evenly: one after the other, the point least alike to those chosen before. Memory grows
-/// with the number of points only, so a million are no burden.
+/// `count` points of `x` spread evenly: one after the other, the point least alike to those chosen
+/// before. Memory grows with the number of points only, so a million are no burden.
 ///
-/// Source: T. F. Gonzalez, Clustering to minimize the maximum intercluster distance, Theor. Comput. Sci. 38 (1985), with
-/// the kernel as the measure.
+/// Source: T. F. Gonzalez, Clustering to minimize the maximum intercluster distance, Theor. Comput.
+/// Sci. 38 (1985), with the kernel as the measure.
 pub fn spread_points(kernel: &Kernel, x: &[f64], inputs: usize, count: usize) -> Vec<usize> {
     let points = x.len() / inputs;
     if count >= points {
@@ -91,7 +104,8 @@ pub fn spread_points(kernel: &Kernel, x: &[f64], inputs: usize, count: usize) ->
     let mut chosen = Vec::new();
     let mut next = 0;
     while chosen.len() < count {
-        let similarity = Arch::new().dispatch(CovarianceRow { plan: &plan, features: &features, point: next });
+        let similarity =
+            Arch::new().dispatch(CovarianceRow { plan: &plan, features: &features, point: next });
         let variance = plan.variance() as f32;
         for (unlike, k) in unlike.iter_mut().zip(similarity) {
             *unlike = unlike.min(f64::from(variance - k));
@@ -134,7 +148,13 @@ impl<T: super::kernels::Element> WithSimd for CovarianceRow<'_, T> {
         features.point(point, &mut query);
         let mut row = Vec::with_capacity(features.count() + 16);
         for (start, length) in features.tiles_from(0) {
-            row.extend_from_slice(plan.values::<T, S, false>(simd, features, (start, length), &query, &mut work));
+            row.extend_from_slice(plan.values::<T, S, false>(
+                simd,
+                features,
+                (start, length),
+                &query,
+                &mut work,
+            ));
         }
         row.truncate(features.count());
         row
@@ -149,7 +169,8 @@ mod tests {
     #[test]
     fn near_duplicates_are_passed_over() {
         // Five places, each visited two hundred times.
-        let x: Vec<f64> = (0..1000).map(|k| f64::from(k % 5) + 1e-4 * (f64::from(k) * 0.7).sin()).collect();
+        let x: Vec<f64> =
+            (0..1000).map(|k| f64::from(k % 5) + 1e-4 * (f64::from(k) * 0.7).sin()).collect();
         let kernel = Kernel::isotropic(Shape::SquaredExponential, 1, 0.5).scaled(2.0);
         for chosen in [informative_points(&kernel, &x, 1, 5), spread_points(&kernel, &x, 1, 5)] {
             let mut places: Vec<usize> = chosen.iter().map(|k| k % 5).collect();

@@ -1,4 +1,5 @@
-//! Products of matrices and vectors. Matrices are stored by columns, `ld` numbers from one column to the next.
+//! Products of matrices and vectors. Matrices are stored by columns, `ld` numbers from one column
+//! to the next.
 
 use crate::Real;
 
@@ -91,7 +92,8 @@ pub fn gemm<T: Real>(
     }
 }
 
-/// y = alpha A x + beta y, A `[rows, columns]` as it enters; `steps` from one entry of x and y to the next.
+/// y = alpha A x + beta y, A `[rows, columns]` as it enters; `steps` from one entry of x and y to
+/// the next.
 pub fn gemv<T: Real>(
     [rows, columns]: [usize; 2],
     alpha: T,
@@ -119,7 +121,12 @@ pub fn symv<T: Real>(
     steps: [usize; 2],
 ) {
     for i in 0..n {
-        combine(alpha, sum(n, |j| a.symmetric(triangle, i, j) * x[j * steps[0]]), beta, &mut y[i * steps[1]]);
+        combine(
+            alpha,
+            sum(n, |j| a.symmetric(triangle, i, j) * x[j * steps[0]]),
+            beta,
+            &mut y[i * steps[1]],
+        );
     }
 }
 

@@ -16,9 +16,15 @@ pub struct NoFactor(pub usize);
 ///
 /// # Errors
 /// With the order of the first leading minor that is not positive.
-pub fn potrf<T: Real>(triangle: Triangle, n: usize, a: &mut [T], lda: usize) -> Result<(), NoFactor> {
+pub fn potrf<T: Real>(
+    triangle: Triangle,
+    n: usize,
+    a: &mut [T],
+    lda: usize,
+) -> Result<(), NoFactor> {
     // Entry (i, j) of L, j <= i.
-    let at = |i: usize, j: usize| if triangle == Triangle::Lower { i + j * lda } else { j + i * lda };
+    let at =
+        |i: usize, j: usize| if triangle == Triangle::Lower { i + j * lda } else { j + i * lda };
     for j in 0..n {
         for i in j..n {
             let mut rest = a[at(i, j)];
@@ -38,7 +44,14 @@ pub fn potrf<T: Real>(triangle: Triangle, n: usize, a: &mut [T], lda: usize) -> 
 }
 
 /// Solves A X = B in place of B from the factor of [`potrf`], B `[n, columns]`.
-pub fn potrs<T: Real>(triangle: Triangle, n: usize, columns: usize, a: View<'_, T>, b: &mut [T], ldb: usize) {
+pub fn potrs<T: Real>(
+    triangle: Triangle,
+    n: usize,
+    columns: usize,
+    a: View<'_, T>,
+    b: &mut [T],
+    ldb: usize,
+) {
     let factor = |i: usize, j: usize| a.symmetric(triangle, i, j);
     for column in 0..columns {
         let b = &mut b[column * ldb..][..n];
@@ -59,8 +72,8 @@ pub fn potrs<T: Real>(triangle: Triangle, n: usize, columns: usize, a: View<'_, 
     }
 }
 
-/// Solves A X = B in place of B, B `[n, columns]`; A becomes its factors with unit L below the diagonal, `pivots` the
-/// rows exchanged, counted from one.
+/// Solves A X = B in place of B, B `[n, columns]`; A becomes its factors with unit L below the
+/// diagonal, `pivots` the rows exchanged, counted from one.
 ///
 /// # Errors
 /// With the first pivot that is zero.
@@ -116,7 +129,8 @@ fn jacobi_rotation<T: Real>(p: T, q: T, r: T) -> (T, T) {
     let two = T::ONE + T::ONE;
     let theta = (q - p) / (two * r);
     let sign = if theta < T::ZERO { -T::ONE } else { T::ONE };
-    // The smaller of the two angles; theta² may overflow to infinity, which makes the angle zero as it should.
+    // The smaller of the two angles; theta² may overflow to infinity, which makes the angle zero as
+    // it should.
     let t = sign / (theta.abs() + (theta * theta + T::ONE).sqrt());
     let c = T::ONE / (t * t + T::ONE).sqrt();
     (c, t * c)
@@ -131,10 +145,15 @@ fn turn<T: Real>(matrix: &mut [T], rows: usize, i: usize, j: usize, (c, s): (T, 
     }
 }
 
-/// Eigenvalues, ascending, and eigenvectors as columns, of a symmetric matrix; `None` if it, or one of them, is not finite.
+/// Eigenvalues, ascending, and eigenvectors as columns, of a symmetric matrix; `None` if it, or one
+/// of them, is not finite.
 ///
 /// Source: G. H. Golub, C. F. Van Loan, Matrix Computations (2013), section 8.5, cyclic Jacobi.
-pub fn symmetric_eigen<T: Real>(triangle: Triangle, n: usize, a: View<'_, T>) -> Option<(Vec<T>, Vec<T>)> {
+pub fn symmetric_eigen<T: Real>(
+    triangle: Triangle,
+    n: usize,
+    a: View<'_, T>,
+) -> Option<(Vec<T>, Vec<T>)> {
     let mut work: Vec<T> = (0..n * n).map(|k| a.symmetric(triangle, k % n, k / n)).collect();
     if work.iter().any(|value| !value.is_finite()) {
         return None;
@@ -145,7 +164,8 @@ pub fn symmetric_eigen<T: Real>(triangle: Triangle, n: usize, a: View<'_, T>) ->
         for i in 0..n {
             for j in i + 1..n {
                 let (p, q, r) = (work[i + i * n], work[j + j * n], work[i + j * n]);
-                // Against the smaller of the two diagonal entries' geometric mean would lose indefinite matrices.
+                // Against the smaller of the two diagonal entries' geometric mean would lose
+                // indefinite matrices.
                 if r.abs() <= T::EPSILON * T::EPSILON * (p.abs() + q.abs()) || r == T::ZERO {
                     continue;
                 }
@@ -158,7 +178,8 @@ pub fn symmetric_eigen<T: Real>(triangle: Triangle, n: usize, a: View<'_, T>) ->
                     work[i + k * n] = c * x - s * y;
                     work[j + k * n] = s * x + c * y;
                 }
-                // Exactly zero in exact arithmetic; what rounding leaves would be turned again and again.
+                // Exactly zero in exact arithmetic; what rounding leaves would be turned again and
+                // again.
                 work[i + j * n] = T::ZERO;
                 work[j + i * n] = T::ZERO;
                 turn(&mut vectors, n, i, j, rotation);
@@ -173,7 +194,8 @@ pub fn symmetric_eigen<T: Real>(triangle: Triangle, n: usize, a: View<'_, T>) ->
         return None;
     }
     let mut order: Vec<usize> = (0..n).collect();
-    order.sort_by(|&i, &j| work[i + i * n].partial_cmp(&work[j + j * n]).unwrap_or(Ordering::Equal));
+    order
+        .sort_by(|&i, &j| work[i + i * n].partial_cmp(&work[j + j * n]).unwrap_or(Ordering::Equal));
     let values: Vec<T> = order.iter().map(|&k| work[k + k * n]).collect();
     Some((values, order.iter().flat_map(|&k| vectors[k * n..(k + 1) * n].to_vec()).collect()))
 }
@@ -191,8 +213,8 @@ pub struct Svd<T> {
 
 /// Singular values and vectors of a matrix `[m, n]`; `None` if it is not finite.
 ///
-/// Source: J. Demmel, K. Veselić, Jacobi's method is more accurate than QR, SIAM J. Matrix Anal. Appl. 13(4) (1992),
-/// one-sided Jacobi.
+/// Source: J. Demmel, K. Veselić, Jacobi's method is more accurate than QR, SIAM J. Matrix Anal.
+/// Appl. 13(4) (1992), one-sided Jacobi.
 pub fn svd<T: Real>(m: usize, n: usize, a: View<'_, T>) -> Option<Svd<T>> {
     if m < n {
         // The transpose: its right vectors are our left ones.
@@ -290,7 +312,9 @@ mod tests {
 
     /// Numbers in [-1, 1), the same in every run.
     fn numbers(count: usize, seed: usize) -> Vec<f64> {
-        (0..count).map(|k| (((k + 17 * seed) as f64 * 12.9898).sin() * 43_758.545).fract()).collect()
+        (0..count)
+            .map(|k| (((k + 17 * seed) as f64 * 12.9898).sin() * 43_758.545).fract())
+            .collect()
     }
 
     fn product(a: &[f64], b: &[f64], m: usize, k: usize, n: usize) -> Vec<f64> {
@@ -312,14 +336,20 @@ mod tests {
     fn eigenvectors_are_orthonormal_and_make_the_matrix() {
         for n in 1..=9 {
             let half = numbers(n * n, n);
-            let matrix: Vec<f64> = (0..n * n).map(|k| half[k] + half[k / n + (k % n) * n]).collect();
+            let matrix: Vec<f64> =
+                (0..n * n).map(|k| half[k] + half[k / n + (k % n) * n]).collect();
             for triangle in [Triangle::Upper, Triangle::Lower] {
-                let (values, vectors) = symmetric_eigen(triangle, n, View::plain(&matrix, n)).expect("finite");
+                let (values, vectors) =
+                    symmetric_eigen(triangle, n, View::plain(&matrix, n)).expect("finite");
                 assert!(values.is_sorted());
                 let gram = product(&transposed(&vectors, n, n), &vectors, n, n, n);
                 assert_close(&gram, &identity::<f64>(n), 1e-14);
                 let scaled: Vec<f64> = (0..n * n).map(|k| vectors[k] * values[k / n]).collect();
-                assert_close(&product(&scaled, &transposed(&vectors, n, n), n, n, n), &matrix, 1e-13);
+                assert_close(
+                    &product(&scaled, &transposed(&vectors, n, n), n, n, n),
+                    &matrix,
+                    1e-13,
+                );
             }
         }
     }
@@ -337,8 +367,16 @@ mod tests {
                 let k = m.min(n);
                 assert_eq!((u.len(), values.len(), vt.len()), (m * k, k, k * n));
                 assert!(values.iter().rev().is_sorted() && values.iter().all(|v| *v >= 0.0));
-                assert_close(&product(&transposed(&u, m, k), &u, k, m, k), &identity::<f64>(k), 1e-13);
-                assert_close(&product(&vt, &transposed(&vt, k, n), k, n, k), &identity::<f64>(k), 1e-13);
+                assert_close(
+                    &product(&transposed(&u, m, k), &u, k, m, k),
+                    &identity::<f64>(k),
+                    1e-13,
+                );
+                assert_close(
+                    &product(&vt, &transposed(&vt, k, n), k, n, k),
+                    &identity::<f64>(k),
+                    1e-13,
+                );
                 let scaled: Vec<f64> = (0..m * k).map(|e| u[e] * values[e / m]).collect();
                 assert_close(&product(&scaled, &vt, m, k, n), &matrix, 1e-13);
             }
@@ -347,12 +385,16 @@ mod tests {
 
     #[test]
     fn tiny_eigenvalues_of_a_scaled_definite_matrix_keep_their_digits() {
-        // D A D with A well conditioned: Jacobi gets every eigenvalue to full relative accuracy, QR the large ones only.
+        // D A D with A well conditioned: Jacobi gets every eigenvalue to full relative accuracy, QR
+        // the large ones only.
         let scale = [1.0, 1e-4, 1e-8, 1e-12];
-        let matrix: Vec<f64> =
-            (0..16).map(|k| scale[k % 4] * scale[k / 4] * if k % 4 == k / 4 { 1.0 } else { 0.3 }).collect();
-        let (values, _) = symmetric_eigen(Triangle::Upper, 4, View::plain(&matrix, 4)).expect("finite");
-        // To first order the smallest one is the Schur complement of the others: (1 - 0.3² * 3 / 1.6) scale².
+        let matrix: Vec<f64> = (0..16)
+            .map(|k| scale[k % 4] * scale[k / 4] * if k % 4 == k / 4 { 1.0 } else { 0.3 })
+            .collect();
+        let (values, _) =
+            symmetric_eigen(Triangle::Upper, 4, View::plain(&matrix, 4)).expect("finite");
+        // To first order the smallest one is the Schur complement of the others: (1 - 0.3² * 3 /
+        // 1.6) scale².
         let expected = 1e-24 * (1.0 - 0.09 * 3.0 / 1.6);
         assert!((values[0] / expected - 1.0).abs() < 1e-6, "{:e} {expected:e}", values[0]);
     }
@@ -389,7 +431,8 @@ mod tests {
         let large = [1e200, 1.0, 1.0, 1e200];
         assert!(svd(2, 2, View::plain(&large, 2)).is_none());
         let overflowing = [1e300, 1e308, 1e308, -1e308];
-        if let Some((values, _)) = symmetric_eigen(Triangle::Upper, 2, View::plain(&overflowing, 2)) {
+        if let Some((values, _)) = symmetric_eigen(Triangle::Upper, 2, View::plain(&overflowing, 2))
+        {
             assert!(values.is_sorted());
         }
         assert!(svd(1, 1, View { data: &nan, ld: 1, op: Op::Plain }).is_none());

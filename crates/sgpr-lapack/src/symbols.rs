@@ -14,7 +14,8 @@ fn triangle(letter: u8) -> Triangle {
     if letter.eq_ignore_ascii_case(&b'U') { Triangle::Upper } else { Triangle::Lower }
 }
 
-/// Numbers between the first and the last entry of a matrix, or of a vector with columns of one number.
+/// Numbers between the first and the last entry of a matrix, or of a vector with columns of one
+/// number.
 fn extent(rows: usize, columns: usize, ld: usize) -> usize {
     if rows == 0 || columns == 0 { 0 } else { (columns - 1) * ld + rows }
 }
@@ -30,9 +31,10 @@ fn info(result: Result<(), NoFactor>) -> i32 {
 
 /// The symbols of one precision.
 ///
-/// SAFETY, for every one of them: the caller keeps to the definition of the BLAS or LAPACK routine of that name, which
-/// says that scalars and sizes can be read and that arrays hold at least the numbers between their first and last entry;
-/// that is exactly what is read and written. Arrays that are written overlap no other, again by definition.
+/// SAFETY, for every one of them: the caller keeps to the definition of the BLAS or LAPACK routine
+/// of that name, which says that scalars and sizes can be read and that arrays hold at least the
+/// numbers between their first and last entry; that is exactly what is read and written. Arrays
+/// that are written overlap no other, again by definition.
 macro_rules! symbols {
     ($T:ty, $gemm:ident, $gemv:ident, $symv:ident, $syrk:ident, $syr2k:ident, $potrf:ident, $potrs:ident, $gesv:ident,
      $syevr:ident, $gesdd:ident, $gesvd:ident) => {
@@ -106,7 +108,8 @@ macro_rules! symbols {
         ) {
             // SAFETY: as above; the caller uses positive increments only.
             unsafe {
-                let (n, lda, incx, incy) = (*n as usize, *lda as usize, *incx as usize, *incy as usize);
+                let (n, lda, incx, incy) =
+                    (*n as usize, *lda as usize, *incx as usize, *incy as usize);
                 let a = View::plain(from_raw_parts(a, extent(n, n, lda)), lda);
                 let x = from_raw_parts(x, extent(1, n, incx));
                 let y = from_raw_parts_mut(y, extent(1, n, incy));
@@ -129,7 +132,8 @@ macro_rules! symbols {
         ) {
             // SAFETY: as above.
             unsafe {
-                let (n, k, lda, ldc, op) = (*n as usize, *k as usize, *lda as usize, *ldc as usize, op(*trans));
+                let (n, k, lda, ldc, op) =
+                    (*n as usize, *k as usize, *lda as usize, *ldc as usize, op(*trans));
                 let (rows, columns) = stored(op, n, k);
                 let a = View { data: from_raw_parts(a, extent(rows, columns, lda)), ld: lda, op };
                 let c = from_raw_parts_mut(c, extent(n, n, ldc));
@@ -165,11 +169,22 @@ macro_rules! symbols {
         }
 
         #[unsafe(no_mangle)]
-        unsafe extern "C" fn $potrf(uplo: *const u8, n: *const i32, a: *mut $T, lda: *const i32, status: *mut i32) {
+        unsafe extern "C" fn $potrf(
+            uplo: *const u8,
+            n: *const i32,
+            a: *mut $T,
+            lda: *const i32,
+            status: *mut i32,
+        ) {
             // SAFETY: as above.
             unsafe {
                 let (n, lda) = (*n as usize, *lda as usize);
-                *status = info(lapack::potrf(triangle(*uplo), n, from_raw_parts_mut(a, extent(n, n, lda)), lda));
+                *status = info(lapack::potrf(
+                    triangle(*uplo),
+                    n,
+                    from_raw_parts_mut(a, extent(n, n, lda)),
+                    lda,
+                ));
             }
         }
 
@@ -186,7 +201,8 @@ macro_rules! symbols {
         ) {
             // SAFETY: as above.
             unsafe {
-                let (n, columns, lda, ldb) = (*n as usize, *nrhs as usize, *lda as usize, *ldb as usize);
+                let (n, columns, lda, ldb) =
+                    (*n as usize, *nrhs as usize, *lda as usize, *ldb as usize);
                 let a = View::plain(from_raw_parts(a, extent(n, n, lda)), lda);
                 let b = from_raw_parts_mut(b, extent(n, columns, ldb));
                 lapack::potrs(triangle(*uplo), n, columns, a, b, ldb);
@@ -207,14 +223,17 @@ macro_rules! symbols {
         ) {
             // SAFETY: as above.
             unsafe {
-                let (n, columns, lda, ldb) = (*n as usize, *nrhs as usize, *lda as usize, *ldb as usize);
+                let (n, columns, lda, ldb) =
+                    (*n as usize, *nrhs as usize, *lda as usize, *ldb as usize);
                 let a = from_raw_parts_mut(a, extent(n, n, lda));
                 let b = from_raw_parts_mut(b, extent(n, columns, ldb));
-                *status = info(lapack::gesv(n, columns, a, lda, from_raw_parts_mut(ipiv, n), b, ldb));
+                *status =
+                    info(lapack::gesv(n, columns, a, lda, from_raw_parts_mut(ipiv, n), b, ldb));
             }
         }
 
-        /// All eigenvalues (`range` A); others, which the cone never asks for, are refused as argument 2.
+        /// All eigenvalues (`range` A); others, which the cone never asks for, are refused as
+        /// argument 2.
         #[unsafe(no_mangle)]
         unsafe extern "C" fn $syevr(
             jobz: *const u8,
@@ -239,7 +258,8 @@ macro_rules! symbols {
             liwork: *const i32,
             status: *mut i32,
         ) {
-            // SAFETY: as above; a query (lwork or liwork -1) touches the first number of either work array only.
+            // SAFETY: as above; a query (lwork or liwork -1) touches the first number of either
+            // work array only.
             unsafe {
                 *status = 0;
                 if *lwork == -1 || *liwork == -1 {
@@ -252,7 +272,8 @@ macro_rules! symbols {
                 }
                 let (size, lda) = (*n as usize, *lda as usize);
                 let a = View::plain(from_raw_parts(a, extent(size, size, lda)), lda);
-                let Some((values, vectors)) = lapack::symmetric_eigen(triangle(*uplo), size, a) else {
+                let Some((values, vectors)) = lapack::symmetric_eigen(triangle(*uplo), size, a)
+                else {
                     *status = 1;
                     return;
                 };
@@ -270,7 +291,8 @@ macro_rules! symbols {
             }
         }
 
-        /// The thin decomposition (`jobz` S); others, which the cone never asks for, are refused as argument 1.
+        /// The thin decomposition (`jobz` S); others, which the cone never asks for, are refused as
+        /// argument 1.
         #[unsafe(no_mangle)]
         unsafe extern "C" fn $gesdd(
             jobz: *const u8,
@@ -308,9 +330,17 @@ macro_rules! symbols {
                     return;
                 };
                 from_raw_parts_mut(s, k).copy_from_slice(&values);
-                let (u, vt) = (from_raw_parts_mut(u, extent(m, k, ldu)), from_raw_parts_mut(vt, extent(k, n, ldvt)));
-                left.chunks_exact(m.max(1)).enumerate().for_each(|(j, c)| u[j * ldu..][..m].copy_from_slice(c));
-                right.chunks_exact(k.max(1)).enumerate().for_each(|(j, c)| vt[j * ldvt..][..k].copy_from_slice(c));
+                let (u, vt) = (
+                    from_raw_parts_mut(u, extent(m, k, ldu)),
+                    from_raw_parts_mut(vt, extent(k, n, ldvt)),
+                );
+                left.chunks_exact(m.max(1))
+                    .enumerate()
+                    .for_each(|(j, c)| u[j * ldu..][..m].copy_from_slice(c));
+                right
+                    .chunks_exact(k.max(1))
+                    .enumerate()
+                    .for_each(|(j, c)| vt[j * ldvt..][..k].copy_from_slice(c));
             }
         }
 
@@ -338,14 +368,35 @@ macro_rules! symbols {
                     *status = -2;
                     return;
                 }
-                $gesdd(jobu, m, n, a, lda, s, u, ldu, vt, ldvt, work, lwork, std::ptr::null_mut(), status);
+                $gesdd(
+                    jobu,
+                    m,
+                    n,
+                    a,
+                    lda,
+                    s,
+                    u,
+                    ldu,
+                    vt,
+                    ldvt,
+                    work,
+                    lwork,
+                    std::ptr::null_mut(),
+                    status,
+                );
             }
         }
     };
 }
 
-symbols!(f32, sgemm_, sgemv_, ssymv_, ssyrk_, ssyr2k_, spotrf_, spotrs_, sgesv_, ssyevr_, sgesdd_, sgesvd_);
-symbols!(f64, dgemm_, dgemv_, dsymv_, dsyrk_, dsyr2k_, dpotrf_, dpotrs_, dgesv_, dsyevr_, dgesdd_, dgesvd_);
+symbols!(
+    f32, sgemm_, sgemv_, ssymv_, ssyrk_, ssyr2k_, spotrf_, spotrs_, sgesv_, ssyevr_, sgesdd_,
+    sgesvd_
+);
+symbols!(
+    f64, dgemm_, dgemv_, dsymv_, dsyrk_, dsyr2k_, dpotrf_, dpotrs_, dgesv_, dsyevr_, dgesdd_,
+    dgesvd_
+);
 
 /// A shared library shows these names to nobody: another BLAS in the process keeps its own.
 #[cfg(target_os = "linux")]

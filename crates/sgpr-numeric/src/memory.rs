@@ -15,11 +15,19 @@ fn free() -> u64 {
         line.split_whitespace().nth(column)?.parse().ok()
     };
     let machine = line("/proc/meminfo", "MemAvailable:", 0).map(|kilobytes| kilobytes * 1024);
-    let container =
-        || Some(number("/sys/fs/cgroup/memory.max")?.saturating_sub(number("/sys/fs/cgroup/memory.current")?));
+    let container = || {
+        Some(
+            number("/sys/fs/cgroup/memory.max")?
+                .saturating_sub(number("/sys/fs/cgroup/memory.current")?),
+        )
+    };
     let process = || {
         let taken = line("/proc/self/status", "VmSize:", 0)? * 1024;
         Some(line("/proc/self/limits", "Max address space", 0)?.saturating_sub(taken))
     };
-    [machine.or(Some(8 << 30)), container(), process()].into_iter().flatten().min().unwrap_or_default()
+    [machine.or(Some(8 << 30)), container(), process()]
+        .into_iter()
+        .flatten()
+        .min()
+        .unwrap_or_default()
 }

@@ -1,6 +1,7 @@
 /// Numbers that look random and are the same for the same seed everywhere.
 ///
-/// Source: G. L. Steele, D. Lea, C. H. Flood, Fast splittable pseudorandom number generators, OOPSLA (2014), SplitMix64.
+/// Source: G. L. Steele, D. Lea, C. H. Flood, Fast splittable pseudorandom number generators,
+/// OOPSLA (2014), SplitMix64.
 #[derive(Clone, Debug)]
 pub struct Random(u64);
 

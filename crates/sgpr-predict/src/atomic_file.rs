@@ -9,7 +9,10 @@ use tempfile::NamedTempFile;
 /// Lets `fill` write a new file beside `path`, then renames it to `path`. A link stays one: what it
 /// leads to is written. A device or a pipe, which must not be replaced by a file, is written to
 /// once the content is whole.
-pub fn write(path: &Path, fill: impl FnOnce(&mut BufWriter<&mut NamedTempFile>) -> io::Result<()>) -> io::Result<()> {
+pub fn write(
+    path: &Path,
+    fill: impl FnOnce(&mut BufWriter<&mut NamedTempFile>) -> io::Result<()>,
+) -> io::Result<()> {
     let resolved = std::fs::canonicalize(path);
     let path = resolved.as_deref().unwrap_or(path);
     if std::fs::metadata(path).is_ok_and(|found| !found.is_file() && !found.is_dir()) {
@@ -19,7 +22,8 @@ pub fn write(path: &Path, fill: impl FnOnce(&mut BufWriter<&mut NamedTempFile>) 
         io::copy(&mut content, &mut stream)?;
         return stream.flush();
     }
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let folder =
+        path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let file = filled(new_file(folder)?, fill)?;
     file.as_file().sync_all()?;
     file.persist(path).map_err(|error| error.error)?;

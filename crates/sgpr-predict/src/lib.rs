@@ -1,8 +1,10 @@
-//! The torque of a robot arm, one sample after the other: what a controller needs of a model, and nothing else.
+//! The torque of a robot arm, one sample after the other: what a controller needs of a model, and
+//! nothing else.
 //!
-//! A [`model::StreamedModel`] is read from a model file; its [`stream::Predictor`] gives the torque of each sample, with
-//! friction that remembers, lags and delays. Nothing allocates, locks or calls the system after set-up, and without the
-//! feature `std` the crate needs an allocator and no operating system.
+//! A [`model::StreamedModel`] is read from a model file; its [`stream::Predictor`] gives the torque
+//! of each sample, with friction that remembers, lags and delays. Nothing allocates, locks or calls
+//! the system after set-up, and without the feature `std` the crate needs an allocator and no
+//! operating system.
 //!
 //! - [`spatial`], [`simd`]: vectors, poses, inertias; numbers that the code is generic over
 //! - [`robot`]: joints, links, limits
@@ -14,8 +16,9 @@
 //! - [`control`]: compensation, torque from outside
 //! - [`online`]: models that learn while the arm runs: a payload, a rest that changes
 //!
-//! `sgpr-core` identifies and diagnoses such models. It builds on this crate with the features `simd`, `trajectories`,
-//! `expressions` and `files`, so that there is one implementation of each effect and of the dynamics.
+//! `sgpr-core` identifies and diagnoses such models. It builds on this crate with the features
+//! `simd`, `trajectories`, `expressions` and `files`, so that there is one implementation of each
+//! effect and of the dynamics.
 #![warn(clippy::too_many_lines)]
 #![cfg_attr(not(feature = "std"), no_std)]
 #![forbid(unsafe_code)]
@@ -48,8 +51,8 @@ pub mod simd;
 pub mod spatial;
 pub mod stream;
 
-/// What `sgpr-core` takes of this crate beside its interface. No part of that: it changes without notice, and so do methods that
-/// the documentation does not list.
+/// What `sgpr-core` takes of this crate beside its interface. No part of that: it changes without
+/// notice, and so do methods that the documentation does not list.
 #[doc(hidden)]
 pub mod internal {
     pub use crate::dynamics::parts::*;

@@ -4,8 +4,8 @@ use std::fs::File;
 use std::io::{self, Read};
 use std::path::Path;
 
-/// The content of a file; beyond `limit` bytes the error is how many there are at least. A device or a pipe, which has no
-/// size, is read up to the limit.
+/// The content of a file; beyond `limit` bytes the error is how many there are at least. A device
+/// or a pipe, which has no size, is read up to the limit.
 ///
 /// # Errors
 /// If it cannot be read.

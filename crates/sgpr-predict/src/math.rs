@@ -1,8 +1,8 @@
 //! Functions of numbers that the standard library has and `core` has not, by `libm`.
 
 pub(crate) use libm::{
-    ceil, exp, expm1 as exp_m1, floor, hypot, log as ln, log1p as ln_1p, pow as powf, round, sin, sincos as sin_cos,
-    sqrt, tanh,
+    ceil, exp, expm1 as exp_m1, floor, hypot, log as ln, log1p as ln_1p, pow as powf, round, sin,
+    sincos as sin_cos, sqrt, tanh,
 };
 
 /// Those of numbers of 32 bits.

@@ -4,7 +4,8 @@ use alloc::format;
 use alloc::string::String;
 use alloc::vec::Vec;
 
-/// " (did you mean `x`?)", or nothing when no known name is close or has `name` as a word of its own.
+/// " (did you mean `x`?)", or nothing when no known name is close or has `name` as a word of its
+/// own.
 pub fn suggestion(name: &str, known: &[String]) -> String {
     match closest(name, known).or_else(|| with_word(name, known)) {
         Some(close) => format!(" (did you mean `{close}`?)"),
@@ -21,7 +22,8 @@ pub fn counted(count: usize, noun: &str) -> String {
 fn closest<'a>(name: &str, known: &'a [String]) -> Option<&'a str> {
     let name = name.to_lowercase();
     let length = name.chars().count();
-    let distances = known.iter().take(1000).map(|other| (edit_distance(&name, &other.to_lowercase()), other));
+    let distances =
+        known.iter().take(1000).map(|other| (edit_distance(&name, &other.to_lowercase()), other));
     let (distance, other) = distances.min_by_key(|(distance, _)| *distance)?;
     (distance <= length / 3 + 1 && distance < length).then_some(other.as_str())
 }
@@ -29,7 +31,9 @@ fn closest<'a>(name: &str, known: &'a [String]) -> Option<&'a str> {
 /// The first known name of which `name` is a word: `stribeck` of `stribeck_friction`.
 fn with_word<'a>(name: &str, known: &'a [String]) -> Option<&'a str> {
     let name = name.to_lowercase();
-    let is_word = |other: &&String| !name.is_empty() && other.to_lowercase().split('_').any(|word| word == name);
+    let is_word = |other: &&String| {
+        !name.is_empty() && other.to_lowercase().split('_').any(|word| word == name)
+    };
     known.iter().take(1000).find(is_word).map(String::as_str)
 }
 
@@ -65,7 +69,10 @@ mod tests {
     #[test]
     fn only_close_names_are_suggested() {
         let known = ["shoulder_pan_joint".to_string(), "elbow_joint".to_string()];
-        assert_eq!(suggestion("sholder_pan_joint", &known), " (did you mean `shoulder_pan_joint`?)");
+        assert_eq!(
+            suggestion("sholder_pan_joint", &known),
+            " (did you mean `shoulder_pan_joint`?)"
+        );
         assert_eq!(suggestion("xyz", &known), "");
         assert_eq!(suggestion("", &known), "");
     }

@@ -1,8 +1,10 @@
-//! A predictor of seven joints with five findings, two of them with a memory: nanoseconds per call, beside the model
-//! without findings; how long the slowest of a thousand calls take; and that millions of calls take no memory.
+//! A predictor of seven joints with five findings, two of them with a memory: nanoseconds per call,
+//! beside the model without findings; how long the slowest of a thousand calls take; and that
+//! millions of calls take no memory.
 //!
-//! `make soak` makes ten million calls, `make test` a few. It counts for the whole process: no test harness runs beside it.
-//! Times are printed and not asserted: other work on the machine is in them.
+//! `make soak` makes ten million calls, `make test` a few. It counts for the whole process: no test
+//! harness runs beside it. Times are printed and not asserted: other work on the machine is in
+//! them.
 #![allow(missing_docs)]
 
 use std::alloc::{GlobalAlloc, Layout, System};
@@ -48,7 +50,8 @@ type Sample = [[f64; JOINTS]; 3];
 /// An arm like a Franka Panda: its table of joints, bodies of about its masses.
 fn arm() -> Robot {
     let body = |a, alpha, d, mass: f64, centre: [f64; 3]| {
-        let inertia = [[0.02 * mass, 0.001, 0.0], [0.001, 0.025 * mass, 0.0], [0.0, 0.0, 0.01 * mass]];
+        let inertia =
+            [[0.02 * mass, 0.001, 0.0], [0.001, 0.025 * mass, 0.0], [0.0, 0.0, 0.01 * mass]];
         DhRow::revolute(a, alpha, d, 0.0).with_body(mass, centre, inertia)
     };
     let rows = [
@@ -60,7 +63,8 @@ fn arm() -> Robot {
         body(0.0, FRAC_PI_2, 0.0, 1.7, [0.06, -0.01, -0.01]),
         body(0.088, FRAC_PI_2, 0.107, 0.7, [0.01, 0.0, 0.06]),
     ];
-    Robot::from_dh("arm", DhConvention::Modified, &rows, None, STANDARD_GRAVITY).expect("a valid table")
+    Robot::from_dh("arm", DhConvention::Modified, &rows, None, STANDARD_GRAVITY)
+        .expect("a valid table")
 }
 
 fn findings() -> Vec<Term> {
@@ -72,7 +76,8 @@ fn findings() -> Vec<Term> {
         ("load_dependent_friction", 3, vec![]),
     ];
     let term = |(name, joint, constants): (&str, usize, Vec<f64>)| {
-        let mut term = Term::new(by_name(name).expect("of the library"), Site::Joint(joint), constants);
+        let mut term =
+            Term::new(by_name(name).expect("of the library"), Site::Joint(joint), constants);
         term.coefficients.fill(0.2);
         term
     };
@@ -84,7 +89,9 @@ fn predictor(findings: Vec<Term>) -> Predictor {
     let effects = ["viscous_friction", "coulomb_friction", "rotor_inertia"];
     let mut parameters = robot.standard_parameters();
     parameters.extend((0..effects.len() * robot.dof()).map(|k| 0.3 + 0.05 * k as f64));
-    let model = StreamedModel::with_parameters(&robot, &effects, parameters).expect("known").with_terms(findings);
+    let model = StreamedModel::with_parameters(&robot, &effects, parameters)
+        .expect("known")
+        .with_terms(findings);
     model.predictor(&StreamOptions::default().with_rate_hz(Some(RATE_HZ))).expect("streams")
 }
 
@@ -94,15 +101,16 @@ fn motion() -> Vec<Sample> {
         for joint in 0..JOINTS {
             let rate = 1.0 + 0.3 * joint as f64;
             let (sine, cosine) = (rate * k as f64 / RATE_HZ).sin_cos();
-            [sample[0][joint], sample[1][joint], sample[2][joint]] = [sine, rate * cosine, -rate * rate * sine];
+            [sample[0][joint], sample[1][joint], sample[2][joint]] =
+                [sine, rate * cosine, -rate * rate * sine];
         }
         sample
     };
     (0..SAMPLES).map(sample).collect()
 }
 
-/// Nanoseconds per call with findings, and the ratio to those without, both in turn so that whatever else the machine
-/// does befalls both; medians of many rounds.
+/// Nanoseconds per call with findings, and the ratio to those without, both in turn so that
+/// whatever else the machine does befalls both; medians of many rounds.
 fn with_and_without(motion: &[Sample], rounds: usize) -> [f64; 2] {
     let mut both = [findings(), vec![]].map(predictor);
     let mut times: Vec<[f64; 2]> = (0..rounds)
@@ -155,7 +163,14 @@ impl Times {
 /// Memory of the process that is not on disk, kB, where the system tells.
 fn resident_kb() -> Option<usize> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
-    status.lines().find_map(|line| line.strip_prefix("RssAnon:"))?.trim().strip_suffix("kB")?.trim().parse().ok()
+    status
+        .lines()
+        .find_map(|line| line.strip_prefix("RssAnon:"))?
+        .trim()
+        .strip_suffix("kB")?
+        .trim()
+        .parse()
+        .ok()
 }
 
 fn load() -> String {
@@ -165,11 +180,13 @@ fn load() -> String {
 }
 
 fn main() {
-    let calls: usize = std::env::var("SGPR_SOAK_CALLS").ok().and_then(|text| text.parse().ok()).unwrap_or(20_000);
+    let calls: usize =
+        std::env::var("SGPR_SOAK_CALLS").ok().and_then(|text| text.parse().ok()).unwrap_or(20_000);
     let motion = motion();
     let [nanoseconds, ratio] = with_and_without(&motion, (calls / 10_000).clamp(20, 1000));
     println!(
-        "seven joints, five findings: {nanoseconds:.0} ns a call, {ratio:.2} times the model without ({})",
+        "seven joints, five findings: {nanoseconds:.0} ns a call, {ratio:.2} times the model \
+         without ({})",
         load()
     );
 
@@ -188,11 +205,14 @@ fn main() {
     let grown = resident.flatten().and_then(|before| Some(resident_kb()?.saturating_sub(before)));
     assert!(sum.is_finite());
     assert_eq!(allocations, 0, "{calls} calls of a predictor");
-    assert!(grown.is_none_or(|grown| grown <= 64), "{calls} calls of a predictor: {grown:?} kB more");
+    assert!(
+        grown.is_none_or(|grown| grown <= 64),
+        "{calls} calls of a predictor: {grown:?} kB more"
+    );
     let [median, tail] = [0.5, 0.999].map(|share| times.quantile(share));
     println!(
-        "endurance: {calls} calls without an allocation, {} kB more; with a look at the clock median {median} ns, 99.9 % within {tail} \
-         ns, {:.1} times as long",
+        "endurance: {calls} calls without an allocation, {} kB more; with a look at the clock \
+         median {median} ns, 99.9 % within {tail} ns, {:.1} times as long",
         grown.map_or("unknown".into(), |grown| grown.to_string()),
         tail as f64 / median.max(1) as f64
     );

@@ -1,4 +1,5 @@
-//! Whoever builds only the predictor builds few crates, none of them with code in another language than Rust.
+//! Whoever builds only the predictor builds few crates, none of them with code in another language
+//! than Rust.
 #![allow(missing_docs)]
 
 use std::collections::BTreeSet;
@@ -12,7 +13,8 @@ use serde_json::Value;
 const MOST_CRATES: usize = 15;
 
 /// What builds or finds code in other languages.
-const FOREIGN: [&str; 8] = ["cc", "cmake", "bindgen", "pkg-config", "vcpkg", "autotools", "nasm-rs", "system-deps"];
+const FOREIGN: [&str; 8] =
+    ["cc", "cmake", "bindgen", "pkg-config", "vcpkg", "autotools", "nasm-rs", "system-deps"];
 
 fn cargo(arguments: &[&str]) -> String {
     let output = Command::new(env!("CARGO"))
@@ -47,7 +49,10 @@ fn foreign_sources(folder: &Path, found: &mut Vec<PathBuf>) {
             foreign_sources(&path, found);
         }
         let ending = path.extension().unwrap_or_default();
-        if ["c", "cc", "cpp", "cxx", "h", "hpp", "s", "S", "asm", "f", "f90", "a", "o"].iter().any(|e| ending == *e) {
+        if ["c", "cc", "cpp", "cxx", "h", "hpp", "s", "S", "asm", "f", "f90", "a", "o"]
+            .iter()
+            .any(|e| ending == *e)
+        {
             found.push(path);
         }
     }
@@ -62,12 +67,13 @@ fn few_crates_and_none_of_another_language() {
     assert!(names.contains("sgpr-predict") && names.contains("libm"), "{names:?}");
     assert!(FOREIGN.iter().all(|foreign| !names.contains(foreign)), "{names:?}");
 
-    let metadata: Value = serde_json::from_str(&cargo(&["metadata", "--format-version", "1"])).expect("JSON");
+    let metadata: Value =
+        serde_json::from_str(&cargo(&["metadata", "--format-version", "1"])).expect("JSON");
     let packages = metadata["packages"].as_array().expect("packages");
     let text = |package: &Value, key: &str| package[key].as_str().unwrap_or_default().to_string();
-    let of_tree = packages
-        .iter()
-        .filter(|package| crates.contains(&format!("{} v{}", text(package, "name"), text(package, "version"))));
+    let of_tree = packages.iter().filter(|package| {
+        crates.contains(&format!("{} v{}", text(package, "name"), text(package, "version")))
+    });
     let mut seen = 0;
     for package in of_tree {
         let name = text(package, "name");
@@ -86,7 +92,11 @@ fn who_reads_logs_or_learns_processes_builds_no_more_than_that() {
     let formats = ["csv", "flate2", "lz4", "mcap", "zstd"];
     let algebra = ["faer", "nalgebra"];
     let others = ["clarabel", "safetensors", "sgpr-core", "sgpr-lapack", "slsqp", "urdf-rs"];
-    let without = [("sgpr-recording", &algebra[..]), ("sgpr-gp", &formats[..]), ("sgpr-numeric", &formats[..])];
+    let without = [
+        ("sgpr-recording", &algebra[..]),
+        ("sgpr-gp", &formats[..]),
+        ("sgpr-numeric", &formats[..]),
+    ];
     for (package, without) in without {
         // Beside it in the repository, not in a package.
         if !Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(package).is_dir() {
@@ -95,7 +105,8 @@ fn who_reads_logs_or_learns_processes_builds_no_more_than_that() {
         let crates = built(package, &[]);
         let names = names_of(&crates);
         assert!(names.contains("sgpr-predict"), "{names:?}");
-        let found: Vec<_> = without.iter().chain(&others).filter(|name| names.contains(*name)).collect();
+        let found: Vec<_> =
+            without.iter().chain(&others).filter(|name| names.contains(*name)).collect();
         assert!(found.is_empty(), "{package} builds {found:?}");
     }
 }

@@ -11,7 +11,8 @@ fn steps_below_half_a_period_are_refused_beside_a_delay_of_either_sign() {
     let options = StreamOptions::default().with_rate_hz(Some(100.0));
     let still = [0.0; 2];
     for (delay, refused) in [(0.02, true), (-0.02, true), (0.0, false)] {
-        let term = Term::new(by_name("torque_delay").expect("of the library"), Site::Arm, vec![delay]);
+        let term =
+            Term::new(by_name("torque_delay").expect("of the library"), Site::Arm, vec![delay]);
         let model = StreamedModel::nominal(&two_link()).with_terms(vec![term]);
         let mut predictor = model.predictor(&options).expect("streams");
         predictor.torque(&still, &still, &still);

@@ -32,10 +32,11 @@ type Array<'py> = Bound<'py, PyArrayDyn<f64>>;
 /// model : Model or Robot
 ///     A robot stands for the model that its file describes.
 /// recordings : list of Recording or LogSet
-///     Samples that two of them share count once. A set keeps its filtered motion for whatever looks at it next.
+///     Samples that two of them share count once. A set keeps its filtered motion for whatever
+///     looks at it next.
 /// processing : Model or Processing, optional
-///     How the logs are processed: by default as the model was identified, else as is chosen from the logs. Give the
-///     same to compare two models in the same band.
+///     How the logs are processed: by default as the model was identified, else as is chosen from
+///     the logs. Give the same to compare two models in the same band.
 ///
 /// Returns
 /// -------
@@ -64,15 +65,21 @@ pub fn compare(
     };
     let processing = processing.map(processing_of).transpose()?.flatten();
     let dof = model.robot().dof();
-    if let Some(other) = processing.as_ref().map(|one| one.standstill_speed.len()).filter(|other| *other != dof) {
+    if let Some(other) =
+        processing.as_ref().map(|one| one.standstill_speed.len()).filter(|other| *other != dof)
+    {
         return Err(invalid(format!("processing: it is for {other} joints, the model has {dof}")));
     }
     let logs = log_set(py, recordings)?;
-    let comparison =
-        detached(py, || core::compare(&model, &logs, processing.as_ref())).map_err(IntoPyErr::into_py_err)?;
+    let comparison = detached(py, || core::compare(&model, &logs, processing.as_ref()))
+        .map_err(IntoPyErr::into_py_err)?;
     let of = Compared { model, logs };
     // A set told what it left out when it was made.
-    let told = if recordings.is_instance_of::<LogSet>() { of.model.clock_notes(&of.logs) } else { of.notes() };
+    let told = if recordings.is_instance_of::<LogSet>() {
+        of.model.clock_notes(&of.logs)
+    } else {
+        of.notes()
+    };
     warn(py, &told)?;
     Comparison::new(py, comparison, of)
 }
@@ -92,8 +99,9 @@ pub fn wrong_type(name: &str, given: &Bound<'_, PyAny>, expected: &str) -> PyErr
 
 /// How well a model predicts the torque of some logs.
 ///
-/// Figures are in the band of the model, over the samples at which a joint moves; while a joint stands, dry friction
-/// holds it with any torque, and no model can say which: the `with_rests` figures count those samples too.
+/// Figures are in the band of the model, over the samples at which a joint moves; while a joint
+/// stands, dry friction holds it with any torque, and no model can say which: the `with_rests`
+/// figures count those samples too.
 #[pyclass(module = "sgpr", frozen)]
 pub struct Comparison {
     joints: Vec<core::JointComparison>,
@@ -119,10 +127,18 @@ impl Compared {
 impl Comparison {
     /// As the core made it.
     pub fn new(py: Python<'_>, comparison: core::Comparison, of: Compared) -> PyResult<Self> {
-        let core::Comparison { joints, relative_error_percent, relative_error_with_rests_percent, logs, .. } =
-            comparison;
+        let core::Comparison {
+            joints,
+            relative_error_percent,
+            relative_error_with_rests_percent,
+            logs,
+            ..
+        } = comparison;
         let dof = joints.len();
-        let logs = logs.into_iter().map(|inner| Py::new(py, LogResidual { inner, dof })).collect::<PyResult<_>>()?;
+        let logs = logs
+            .into_iter()
+            .map(|inner| Py::new(py, LogResidual { inner, dof }))
+            .collect::<PyResult<_>>()?;
         Ok(Self { joints, relative_error_percent, relative_error_with_rests_percent, logs, of })
     }
 
@@ -131,7 +147,11 @@ impl Comparison {
         self.logs.iter().map(|log| log.clone_ref(py)).collect()
     }
 
-    fn column<'py>(&self, py: Python<'py>, select: fn(&core::JointComparison) -> f64) -> PyResult<Array<'py>> {
+    fn column<'py>(
+        &self,
+        py: Python<'py>,
+        select: fn(&core::JointComparison) -> f64,
+    ) -> PyResult<Array<'py>> {
         array(py, &[self.joints.len()], self.joints.iter().map(select).collect())
     }
 
@@ -172,8 +192,8 @@ impl Comparison {
         self.relative_error_with_rests_percent
     }
 
-    /// What the reader should know: samples that logs share, which count once; logs that effects of time take as ones after
-    /// the session of the model.
+    /// What the reader should know: samples that logs share, which count once; logs that effects of
+    /// time take as ones after the session of the model.
     #[getter]
     fn notes(&self) -> Vec<String> {
         self.of.notes()
@@ -223,13 +243,19 @@ impl Comparison {
             dict.set_item("rmse_gravity", finite(joint.rmse_gravity))?;
             dict.set_item("rmse_full_band", finite(joint.rmse_full_band))?;
             dict.set_item("rmse_with_rests", finite(joint.rmse_with_rests))?;
-            dict.set_item("relative_error_with_rests_percent", finite(joint.relative_error_with_rests_percent))?;
+            dict.set_item(
+                "relative_error_with_rests_percent",
+                finite(joint.relative_error_with_rests_percent),
+            )?;
             joints.push(dict);
         }
         let dict = PyDict::new(py);
         dict.set_item("joints", joints)?;
         dict.set_item("relative_error_percent", finite(self.relative_error_percent))?;
-        dict.set_item("relative_error_with_rests_percent", finite(self.relative_error_with_rests_percent))?;
+        dict.set_item(
+            "relative_error_with_rests_percent",
+            finite(self.relative_error_with_rests_percent),
+        )?;
         Ok(dict)
     }
 
@@ -244,7 +270,8 @@ impl Comparison {
         slf.py().import("sgpr._views")?.call_method1("plot_found", (slf,))
     }
 
-    /// Writes the page of `sgpr compare`: errors joint by joint, torques, and what is left over anything.
+    /// Writes the page of `sgpr compare`: errors joint by joint, torques, and what is left over
+    /// anything.
     ///
     /// Parameters
     /// ----------
@@ -275,18 +302,32 @@ impl Comparison {
         of: (PyRef<'_, Model>, Bound<'_, PyAny>),
     ) -> PyResult<Self> {
         let (model, recordings) = of;
-        let of = Compared { model: model.inner.clone(), logs: logs::LogSet::whole(&self::recordings(&recordings)?) };
+        let of = Compared {
+            model: model.inner.clone(),
+            logs: logs::LogSet::whole(&self::recordings(&recordings)?),
+        };
         let joints: Vec<core::JointComparison> = depythonize(joints)?;
         let dof = joints.len();
-        let residual = |log: &Bound<'_, PyDict>| Py::new(py, LogResidual { inner: log_of(log, dof)?, dof });
+        let residual =
+            |log: &Bound<'_, PyDict>| Py::new(py, LogResidual { inner: log_of(log, dof)?, dof });
         let logs = logs.iter().map(residual).collect::<PyResult<_>>()?;
-        Ok(Self { joints, relative_error_percent: errors.0, relative_error_with_rests_percent: errors.1, logs, of })
+        Ok(Self {
+            joints,
+            relative_error_percent: errors.0,
+            relative_error_with_rests_percent: errors.1,
+            logs,
+            of,
+        })
     }
 
     fn __repr__(&self) -> String {
-        let width = self.joints.iter().map(|joint| joint.joint.chars().count()).max().unwrap_or(0).max(5);
+        let width =
+            self.joints.iter().map(|joint| joint.joint.chars().count()).max().unwrap_or(0).max(5);
         let line = |cells: &[String]| {
-            let numbers = cells[1..5].iter().zip([10, 8, 7, 17]).map(|(cell, width)| format!(" {cell:>width$}"));
+            let numbers = cells[1..5]
+                .iter()
+                .zip([10, 8, 7, 17])
+                .map(|(cell, width)| format!(" {cell:>width$}"));
             format!("{:width$}{}  {}", cells[0], numbers.collect::<String>(), cells[5])
         };
         let mut text = line(&HEAD.map(String::from));
@@ -332,7 +373,9 @@ fn log_parts<'py>(log: &Bound<'py, LogResidual>) -> PyResult<Bound<'py, PyDict>>
 
 /// What `log_parts` made a dict of; arrays of other lengths are refused.
 fn log_of(dict: &Bound<'_, PyDict>, dof: usize) -> PyResult<core::LogResidual> {
-    let item = |name: &str| dict.get_item(name)?.ok_or_else(|| invalid(format!("a comparison without `{name}`")));
+    let item = |name: &str| {
+        dict.get_item(name)?.ok_or_else(|| invalid(format!("a comparison without `{name}`")))
+    };
     let time: Vec<i64> = item("time")?.extract()?;
     let samples = time.len();
     let numbers = |name: &str| -> PyResult<Vec<f64>> {
@@ -340,7 +383,11 @@ fn log_of(dict: &Bound<'_, PyDict>, dof: usize) -> PyResult<core::LogResidual> {
     };
     let flags = |name: &str, length: usize| -> PyResult<Vec<bool>> {
         let values: Vec<bool> = item(name)?.extract()?;
-        if values.len() == length { Ok(values) } else { Err(invalid(format!("a comparison with a damaged `{name}`"))) }
+        if values.len() == length {
+            Ok(values)
+        } else {
+            Err(invalid(format!("a comparison with a damaged `{name}`")))
+        }
     };
     let rows: Vec<u8> = item("use_as")?.extract()?;
     if rows.len() != samples * dof {
@@ -361,8 +408,10 @@ fn log_of(dict: &Bound<'_, PyDict>, dof: usize) -> PyResult<core::LogResidual> {
     motion.channels = channels;
     motion.inner = flags("inner", samples)?;
     motion.use_as = rows.into_iter().map(row_of).collect();
-    let processing = motion::Processing::from_json(&item("processing")?.extract::<String>()?).map_err(invalid)?;
-    core::LogResidual::new(motion, numbers("predicted")?, &processing).map_err(IntoPyErr::into_py_err)
+    let processing = motion::Processing::from_json(&item("processing")?.extract::<String>()?)
+        .map_err(invalid)?;
+    core::LogResidual::new(motion, numbers("predicted")?, &processing)
+        .map_err(IntoPyErr::into_py_err)
 }
 
 fn row_number(row: Row) -> u8 {

@@ -17,7 +17,8 @@ type Array<'py> = Bound<'py, PyArray1<f64>>;
 
 /// A log as the observer takes it.
 fn motion(log: &Recording, dof: usize) -> PyResult<core::MeasuredMotion<'_>> {
-    let wrong = |what: String| SgprError::new_err(format!("without_contact: {}: {what}", log.source()));
+    let wrong =
+        |what: String| SgprError::new_err(format!("without_contact: {}: {what}", log.source()));
     if log.dof() != dof {
         return Err(wrong(format!("got {} joints, expected {dof}", log.dof())));
     }
@@ -28,16 +29,19 @@ fn motion(log: &Recording, dof: usize) -> PyResult<core::MeasuredMotion<'_>> {
 }
 
 fn list(name: &'static str, values: Option<&Bound<'_, PyAny>>) -> PyResult<Vec<f64>> {
-    values.map_or(Ok(Vec::new()), |values| Ok(Numbers::new(name, values)?.finite()?.values().to_vec()))
+    values.map_or(Ok(Vec::new()), |values| {
+        Ok(Numbers::new(name, values)?.finite()?.values().to_vec())
+    })
 }
 
-/// Torque from outside, from positions, velocities and the torque of the drives, without accelerations: the momentum
-/// observer of De Luca and Mattone (ICRA 2003). One per thread.
+/// Torque from outside, from positions, velocities and the torque of the drives, without
+/// accelerations: the momentum observer of De Luca and Mattone (ICRA 2003). One per thread.
 ///
-/// It follows torque from outside with a first-order lag of its bandwidth. An alarm is a torque that the model's errors
-/// do not explain: beyond as many standard deviations as normal errors cross by `false_alarms_per_hour`. Errors of real
-/// models are some times as large at rest and where a joint turns back, because dry friction then has any value: give logs
-/// without contact, which tell both (docs/controllers.md).
+/// It follows torque from outside with a first-order lag of its bandwidth. An alarm is a torque
+/// that the model's errors do not explain: beyond as many standard deviations as normal errors
+/// cross by `false_alarms_per_hour`. Errors of real models are some times as large at rest and
+/// where a joint turns back, because dry friction then has any value: give logs without contact,
+/// which tell both (docs/controllers.md).
 ///
 /// Parameters
 /// ----------
@@ -51,9 +55,9 @@ fn list(name: &'static str, values: Option<&Bound<'_, PyAny>>) -> PyResult<Vec<f
 /// deviation : array of shape (n,), optional
 ///     Standard deviation of the model's torque per joint, N·m (N); by default that of the fit.
 /// without_contact : list of Recording or LogSet, optional
-///     Logs at `rate_hz` with velocity and torque, those of the fit or better others, of motions such as it will see.
-///     Thresholds then come from what the observer says along them, and are those of a moving joint or of one that
-///     rests.
+///     Logs at `rate_hz` with velocity and torque, those of the fit or better others, of motions
+///     such as it will see. Thresholds then come from what the observer says along them, and are
+///     those of a moving joint or of one that rests.
 ///
 /// Examples
 /// --------
@@ -99,7 +103,8 @@ impl MomentumObserver {
             options.deviation = vec![1.0; dof];
         }
         let inner = detached(py, || -> PyResult<core::MomentumObserver> {
-            let observer = core::MomentumObserver::new(&*model.inner, &options).map_err(IntoPyErr::into_py_err)?;
+            let observer = core::MomentumObserver::new(&*model.inner, &options)
+                .map_err(IntoPyErr::into_py_err)?;
             let Some(logs) = &logs else { return Ok(observer) };
             let logs = logs.iter().map(|log| motion(log, dof)).collect::<PyResult<Vec<_>>>()?;
             observer.calibrated(&logs).map_err(IntoPyErr::into_py_err)
@@ -107,12 +112,13 @@ impl MomentumObserver {
         Ok(Self { inner: Mutex::new(inner), dof })
     }
 
-    /// Standard deviation of the model's error at each joint, (n, 3): while it moves and what rest adds, N·m (N), and the
-    /// speed at which half of the variance of rest is left, rad/s (m/s).
+    /// Standard deviation of the model's error at each joint, (n, 3): while it moves and what rest
+    /// adds, N·m (N), and the speed at which half of the variance of rest is left, rad/s (m/s).
     #[getter]
     fn errors<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
         let observer = self.lock();
-        let rows = observer.errors().iter().flat_map(|error| [error.moving, error.resting, error.speed]);
+        let rows =
+            observer.errors().iter().flat_map(|error| [error.moving, error.resting, error.speed]);
         array(py, &[self.dof, 3], rows.collect())
     }
 
@@ -128,10 +134,13 @@ impl MomentumObserver {
         PyArray1::from_slice(py, self.lock().external_torque())
     }
 
-    /// Index of the joint that is farthest beyond its threshold, its torque and its threshold; None if none is.
+    /// Index of the joint that is farthest beyond its threshold, its torque and its threshold; None
+    /// if none is.
     #[getter]
     fn alarm(&self) -> Option<(usize, f64, f64)> {
-        self.lock().alarm().map(|core::Alarm { joint, torque, threshold, .. }| (joint, torque, threshold))
+        self.lock()
+            .alarm()
+            .map(|core::Alarm { joint, torque, threshold, .. }| (joint, torque, threshold))
     }
 
     /// Forgets all samples.
@@ -165,8 +174,9 @@ impl MomentumObserver {
     }
 }
 
-/// The torque that holds an arm where it is and overcomes its friction in the direction of the wanted velocity: gravity of
-/// the measured position, friction of the wanted velocity, so that nothing chatters at rest. One per thread.
+/// The torque that holds an arm where it is and overcomes its friction in the direction of the
+/// wanted velocity: gravity of the measured position, friction of the wanted velocity, so that
+/// nothing chatters at rest. One per thread.
 ///
 /// Parameters
 /// ----------
@@ -174,7 +184,8 @@ impl MomentumObserver {
 /// friction : float
 ///     Share of the friction that is compensated, 0 to 1.
 /// transition_speed : float
-///     Speed at which friction is compensated in full, rad/s (m/s); below it the share falls in a line.
+///     Speed at which friction is compensated in full, rad/s (m/s); below it the share falls in a
+///     line.
 /// limits : array of shape (n,), optional
 ///     Largest torque of each joint, N·m (N).
 /// rate_hz, keep
@@ -224,11 +235,16 @@ impl Compensation {
     ///     Measured positions, rad (m).
     /// wanted_dq : array of shape (n,)
     ///     Wanted velocities, rad/s (m/s).
-    fn torque<'py>(&self, q: &Bound<'py, PyAny>, wanted_dq: &Bound<'py, PyAny>) -> PyResult<Array<'py>> {
+    fn torque<'py>(
+        &self,
+        q: &Bound<'py, PyAny>,
+        wanted_dq: &Bound<'py, PyAny>,
+    ) -> PyResult<Array<'py>> {
         let one = |name, value| Numbers::new(name, value)?.shaped(&[self.dof])?.finite();
         let (at, speed) = (one("q", q)?, one("wanted_dq", wanted_dq)?);
         let mut compensation = self.inner.lock().unwrap_or_else(PoisonError::into_inner);
-        let tau = compensation.torque(at.values(), speed.values()).map_err(IntoPyErr::into_py_err)?;
+        let tau =
+            compensation.torque(at.values(), speed.values()).map_err(IntoPyErr::into_py_err)?;
         Ok(PyArray1::from_slice(q.py(), tau))
     }
 }

@@ -1,7 +1,8 @@
 //! Between numpy arrays and slices: every shape check of what comes from Python.
 //!
-//! A contiguous array of float64 is borrowed, anything else that numpy makes an array of real numbers is converted; a
-//! result is moved into its array, and what an object keeps is shown as a read-only view of its memory.
+//! A contiguous array of float64 is borrowed, anything else that numpy makes an array of real
+//! numbers is converted; a result is moved into its array, and what an object keeps is shown as a
+//! read-only view of its memory.
 
 use std::ops::Range;
 
@@ -50,7 +51,9 @@ impl<'py> Numbers<'py> {
 
     /// Refuses NaN and infinity, and says where they are.
     pub fn finite(self) -> PyResult<Self> {
-        let Some(index) = self.values().iter().position(|value| !value.is_finite()) else { return Ok(self) };
+        let Some(index) = self.values().iter().position(|value| !value.is_finite()) else {
+            return Ok(self);
+        };
         let value = self.values()[index];
         let place = match *self.shape() {
             [_, columns] => format!("{}[{}, {}]", self.name, index / columns, index % columns),
@@ -73,7 +76,10 @@ impl<'py> Numbers<'py> {
     }
 }
 
-fn borrow<'py>(name: &str, array: &Bound<'py, PyArrayDyn<f64>>) -> PyResult<PyReadonlyArrayDyn<'py, f64>> {
+fn borrow<'py>(
+    name: &str,
+    array: &Bound<'py, PyArrayDyn<f64>>,
+) -> PyResult<PyReadonlyArrayDyn<'py, f64>> {
     array.try_readonly().map_err(|_| invalid(format!("{name}: the array is being written to")))
 }
 
@@ -90,7 +96,9 @@ fn converted<'py>(name: &str, value: &Bound<'py, PyAny>) -> PyResult<Bound<'py, 
     })?;
     if !matches!(kind_of(&array)?, 'f' | 'i' | 'u') {
         let dtype = array.getattr("dtype")?;
-        return Err(invalid(format!("{name}: got values of type {dtype}, expected an array of real numbers")));
+        return Err(invalid(format!(
+            "{name}: got values of type {dtype}, expected an array of real numbers"
+        )));
     }
     as_float64(&array)
 }
@@ -129,12 +137,18 @@ impl<'py> Samples<'py> {
     }
 
     /// Several arguments with the same samples.
-    pub fn together<const K: usize>(inputs: [(&str, &Bound<'py, PyAny>); K], n: usize) -> PyResult<[Self; K]> {
+    pub fn together<const K: usize>(
+        inputs: [(&str, &Bound<'py, PyAny>); K],
+        n: usize,
+    ) -> PyResult<[Self; K]> {
         let mut all: Vec<Self> = Vec::with_capacity(K);
         for (name, value) in inputs {
             let samples = Self::new(name, value, n)?;
-            if let Some(first) = all.first().filter(|first| first.numbers.shape() != samples.numbers.shape()) {
-                let expected = format!("{} as {}", shape_text(first.numbers.shape()), first.numbers.name);
+            if let Some(first) =
+                all.first().filter(|first| first.numbers.shape() != samples.numbers.shape())
+            {
+                let expected =
+                    format!("{} as {}", shape_text(first.numbers.shape()), first.numbers.name);
                 return Err(samples.numbers.wrong_shape(&expected));
             }
             all.push(samples);
@@ -153,7 +167,12 @@ impl<'py> Samples<'py> {
     }
 
     /// A result with `item` numbers per sample: of that shape for one sample, `(N, ...)` for many.
-    pub fn result(&self, py: Python<'py>, item: &[usize], values: Vec<f64>) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+    pub fn result(
+        &self,
+        py: Python<'py>,
+        item: &[usize],
+        values: Vec<f64>,
+    ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
         let mut shape = if self.single { vec![] } else { vec![self.count] };
         shape.extend_from_slice(item);
         array(py, &shape, values)
@@ -173,18 +192,25 @@ pub fn zeros(lengths: &[usize]) -> PyResult<Vec<f64>> {
     /// Below this size a failure is not worth looking for.
     const LARGE: usize = 1 << 20;
     let total = lengths.iter().try_fold(1usize, |product, length| product.checked_mul(*length));
-    let no_room = || PyMemoryError::new_err(format!("no room for an array of shape {}", shape_text(lengths)));
+    let no_room =
+        || PyMemoryError::new_err(format!("no room for an array of shape {}", shape_text(lengths)));
     let total = total.ok_or_else(no_room)?;
     if total > LARGE {
-        // Room is asked for and given back: what `vec!` then takes comes zeroed from the system, untouched.
+        // Room is asked for and given back: what `vec!` then takes comes zeroed from the system,
+        // untouched.
         Vec::<f64>::new().try_reserve_exact(total).map_err(|_| no_room())?;
     }
     Ok(vec![0.0; total])
 }
 
 /// A new array of the numbers, moved.
-pub fn array<'py, T: Element>(py: Python<'py>, shape: &[usize], values: Vec<T>) -> PyResult<Bound<'py, PyArrayDyn<T>>> {
-    let array = ArrayD::from_shape_vec(IxDyn(shape), values).map_err(|error| invalid(error.to_string()))?;
+pub fn array<'py, T: Element>(
+    py: Python<'py>,
+    shape: &[usize],
+    values: Vec<T>,
+) -> PyResult<Bound<'py, PyArrayDyn<T>>> {
+    let array =
+        ArrayD::from_shape_vec(IxDyn(shape), values).map_err(|error| invalid(error.to_string()))?;
     Ok(PyArrayDyn::from_owned_array(py, array))
 }
 
@@ -198,9 +224,10 @@ where
     C: PyClass<Frozen = True> + Sync,
     T: Element,
 {
-    let values = ArrayViewD::from_shape(IxDyn(shape), pick(owner.get())).map_err(|error| invalid(error.to_string()))?;
-    // SAFETY: the memory belongs to `owner`, which the array keeps alive; `owner` is frozen, so nothing reallocates or
-    // changes it, and the array is made read-only before anyone sees it.
+    let values = ArrayViewD::from_shape(IxDyn(shape), pick(owner.get()))
+        .map_err(|error| invalid(error.to_string()))?;
+    // SAFETY: the memory belongs to `owner`, which the array keeps alive; `owner` is frozen, so
+    // nothing reallocates or changes it, and the array is made read-only before anyone sees it.
     let array = unsafe { PyArrayDyn::borrow_from_array(&values, owner.clone().into_any()) };
     array.getattr("flags")?.setattr("writeable", false)?;
     Ok(array)
@@ -261,7 +288,10 @@ fn type_name(value: &Bound<'_, PyAny>) -> String {
 }
 
 /// Items of a mapping with text for keys.
-pub fn items<'py>(name: &str, mapping: &Bound<'py, PyAny>) -> PyResult<Vec<(String, Bound<'py, PyAny>)>> {
+pub fn items<'py>(
+    name: &str,
+    mapping: &Bound<'py, PyAny>,
+) -> PyResult<Vec<(String, Bound<'py, PyAny>)>> {
     let pairs = mapping.call_method0("items").map_err(|_| {
         let found = type_name(mapping);
         pyo3::exceptions::PyTypeError::new_err(format!("{name}: got {found}, expected a dict"))
@@ -272,7 +302,9 @@ pub fn items<'py>(name: &str, mapping: &Bound<'py, PyAny>) -> PyResult<Vec<(Stri
 /// A list of texts; one text is not a list of letters.
 pub fn texts(name: &str, value: &Bound<'_, PyAny>) -> PyResult<Vec<String>> {
     if value.is_instance_of::<PyString>() {
-        return Err(pyo3::exceptions::PyTypeError::new_err(format!("{name}: got a str, expected a list of str")));
+        return Err(pyo3::exceptions::PyTypeError::new_err(format!(
+            "{name}: got a str, expected a list of str"
+        )));
     }
     let wrong = |found: &Bound<'_, PyAny>, place: &str| {
         pyo3::exceptions::PyTypeError::new_err(format!(
@@ -281,7 +313,8 @@ pub fn texts(name: &str, value: &Bound<'_, PyAny>) -> PyResult<Vec<String>> {
         ))
     };
     let each = value.try_iter().map_err(|_| wrong(value, ""))?;
-    each.map(|text| text.and_then(|text| text.extract().map_err(|_| wrong(&text, " in it")))).collect()
+    each.map(|text| text.and_then(|text| text.extract().map_err(|_| wrong(&text, " in it"))))
+        .collect()
 }
 
 /// An unknown key, with those that are known.
@@ -294,10 +327,13 @@ pub fn per_joint(name: &str, value: &Bound<'_, PyAny>, robot: &Robot) -> PyResul
     Ok(Numbers::new(name, value)?.shaped(&[robot.dof()])?.finite()?.values().to_vec())
 }
 
-/// Gains of a controller that holds the arm: with the other sign it drives the joint away from where it should be.
+/// Gains of a controller that holds the arm: with the other sign it drives the joint away from
+/// where it should be.
 pub fn not_negative_gains(name: &str, gains: Vec<f64>) -> PyResult<Vec<f64>> {
     match gains.iter().find(|gain| **gain < 0.0) {
-        Some(gain) => Err(invalid(format!("{name} has {gain}: gains of a controller are zero or more"))),
+        Some(gain) => {
+            Err(invalid(format!("{name} has {gain}: gains of a controller are zero or more")))
+        }
         None => Ok(gains),
     }
 }

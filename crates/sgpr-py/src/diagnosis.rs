@@ -23,9 +23,10 @@ use crate::user_effect::{UserEffect, known_effects, registered};
 
 /// Finds out which physical effects a model lacks.
 ///
-/// Every effect of the catalogue is tried at every joint: how much of the leftover torque does it explain beyond what
-/// the parameters of the model can take up? What has evidence and lowers the error on blocks of time that were left out
-/// is fitted together with all parameters, one effect after the other, and each is checked again at the end.
+/// Every effect of the catalogue is tried at every joint: how much of the leftover torque does it
+/// explain beyond what the parameters of the model can take up? What has evidence and lowers the
+/// error on blocks of time that were left out is fitted together with all parameters, one effect
+/// after the other, and each is checked again at the end.
 ///
 /// Parameters
 /// ----------
@@ -38,14 +39,16 @@ use crate::user_effect::{UserEffect, known_effects, registered};
 /// effects : list of str or Effect, optional
 ///     What to look for, by name or an effect of your own; all effects of the library by default.
 /// add : list of str, optional
-///     Effects to add by hand, without a search: ``torque_ripple@joint_2``, ``payload_change`` (the whole arm),
-///     ``wrist_coupling@joint_6,joint_5`` (a joint, driven by another). They are fitted, judged and reported like findings,
-///     and stay in ``diagnosis.model`` whatever comes out.
+///     Effects to add by hand, without a search: ``torque_ripple@joint_2``, ``payload_change`` (the
+///     whole arm), ``wrist_coupling@joint_6,joint_5`` (a joint, driven by another). They are
+///     fitted, judged and reported like findings, and stay in ``diagnosis.model`` whatever comes
+///     out.
 /// progress : callable, optional
 ///     Called as ``progress(stage, done, total)``; what it raises stops the work, as Ctrl-C does.
 /// ranked : callable, optional
-///     Called with a list of dicts, the candidates as in diagnosis.json without their probabilities, once all are ranked:
-///     long before the search ends, and also if it is stopped after that. What it raises is raised at the end.
+///     Called with a list of dicts, the candidates as in diagnosis.json without their
+///     probabilities, once all are ranked: long before the search ends, and also if it is stopped
+///     after that. What it raises is raised at the end.
 ///
 /// Returns
 /// -------
@@ -65,7 +68,8 @@ use crate::user_effect::{UserEffect, known_effects, registered};
 /// 'coulomb_friction'
 /// >>> better = model.add(diagnosis.findings[0])
 #[pyfunction]
-#[pyo3(signature = (model, train, test=None, *, effects=None, add=None, progress=None, ranked=None), text_signature = "(model, train, test=(), *, effects=None, add=None, progress=None, ranked=None)")]
+#[pyo3(signature = (model, train, test=None, *, effects=None, add=None, progress=None, ranked=None), text_signature = "(model, \
+     train, test=(), *, effects=None, add=None, progress=None, ranked=None)")]
 #[expect(clippy::too_many_arguments, reason = "the keywords of Python")]
 pub fn diagnose(
     py: Python<'_>,
@@ -81,7 +85,9 @@ pub fn diagnose(
     let test = test.map(recordings).transpose()?.unwrap_or_default();
     let (catalogue, own) = catalogue(effects)?;
     let inner = model.get().inner.clone();
-    let options = core::DiagnosisOptions::default().with_catalogue(catalogue).with_by_hand(add.unwrap_or_default());
+    let options = core::DiagnosisOptions::default()
+        .with_catalogue(catalogue)
+        .with_by_hand(add.unwrap_or_default());
     let refused = Mutex::new(None);
     let tell = |candidates: &[core::Finding]| {
         let Some(ranked) = &ranked else { return };
@@ -94,7 +100,9 @@ pub fn diagnose(
             *refused.lock().unwrap_or_else(PoisonError::into_inner) = Some(error);
         }
     };
-    let result = listen(py, progress, |progress| core::diagnose_with(&inner, &train, &test, &options, progress, &tell));
+    let result = listen(py, progress, |progress| {
+        core::diagnose_with(&inner, &train, &test, &options, progress, &tell)
+    });
     if let Some(error) = refused.into_inner().unwrap_or_else(PoisonError::into_inner) {
         return Err(error);
     }
@@ -112,7 +120,9 @@ type Catalogue = (Vec<Arc<dyn Effect>>, Vec<UserEffect>);
 
 fn catalogue(effects: Option<&Bound<'_, PyAny>>) -> PyResult<Catalogue> {
     let (mut catalogue, mut own) = (Vec::<Arc<dyn Effect>>::new(), Vec::new());
-    let Some(given) = effects.filter(|given| !given.is_none()) else { return Ok((known_effects(), registered())) };
+    let Some(given) = effects.filter(|given| !given.is_none()) else {
+        return Ok((known_effects(), registered()));
+    };
     if given.is_instance_of::<PyString>() {
         return Err(PyTypeError::new_err("effects: expected a list of names or Effect"));
     }
@@ -130,14 +140,17 @@ fn catalogue(effects: Option<&Bound<'_, PyAny>>) -> PyResult<Catalogue> {
                 catalogue.push(by_name(&name).map_err(IntoPyErr::into_py_err)?);
             }
         } else {
-            return Err(PyTypeError::new_err(format!("effects: got {}, expected names or Effect", item.repr()?)));
+            return Err(PyTypeError::new_err(format!(
+                "effects: got {}, expected names or Effect",
+                item.repr()?
+            )));
         }
     }
     Ok((catalogue, own))
 }
 
-/// What the residual of a comparison depends on, joint by joint: noise or structure, on which variables, of which shape,
-/// since when.
+/// What the residual of a comparison depends on, joint by joint: noise or structure, on which
+/// variables, of which shape, since when.
 ///
 /// Parameters
 /// ----------
@@ -149,8 +162,9 @@ fn catalogue(effects: Option<&Bound<'_, PyAny>>) -> PyResult<Catalogue> {
 /// Returns
 /// -------
 /// list of dict
-///     With the keys of `structure` in diagnosis.json: "joint", "rmse", "whiteness" (probability that noise is as far from
-///     white), "shares" ("state", "time", "noise"), "inputs", "shape", "change", "dependence", "summary".
+///     With the keys of `structure` in diagnosis.json: "joint", "rmse", "whiteness" (probability
+///     that noise is as far from white), "shares" ("state", "time", "noise"), "inputs", "shape",
+///     "change", "dependence", "summary".
 ///
 /// Examples
 /// --------
@@ -195,8 +209,11 @@ pub struct Diagnosis {
 impl Diagnosis {
     fn wrapped(&self, list: &[core::Finding]) -> Vec<Finding> {
         let models = (self.before.clone(), Arc::new(self.inner.after.clone()));
-        let finding =
-            |inner: &core::Finding| Finding { inner: inner.clone(), train: self.train.clone(), models: models.clone() };
+        let finding = |inner: &core::Finding| Finding {
+            inner: inner.clone(),
+            train: self.train.clone(),
+            models: models.clone(),
+        };
         list.iter().map(finding).collect()
     }
 
@@ -251,8 +268,8 @@ impl Diagnosis {
         Ok(dict)
     }
 
-    /// What the logs could have shown beside the findings, and from which size on: dicts with the keys of
-    /// diagnosis.json.
+    /// What the logs could have shown beside the findings, and from which size on: dicts with the
+    /// keys of diagnosis.json.
     #[getter]
     fn detectable<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         self.to_dict(py)?.get_item("detectable")
@@ -264,7 +281,8 @@ impl Diagnosis {
         self.inner.unexplained.clone()
     }
 
-    /// What the error of the model depends on, joint by joint: dicts with the keys of diagnosis.json.
+    /// What the error of the model depends on, joint by joint: dicts with the keys of
+    /// diagnosis.json.
     #[getter]
     fn structure<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         of_joints(py, &self.inner.structure)
@@ -276,7 +294,8 @@ impl Diagnosis {
         of_joints(py, &self.inner.left)
     }
 
-    /// Formulas for structure that no known effect explains: joint -> formula. Suggestions, not findings.
+    /// Formulas for structure that no known effect explains: joint -> formula. Suggestions, not
+    /// findings.
     #[getter]
     fn formulas<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let dict = PyDict::new(py);
@@ -286,16 +305,16 @@ impl Diagnosis {
         Ok(dict)
     }
 
-    /// The motion that would tell the findings from what imitates them: a recording without torque, with accelerations
-    /// as channels; None if nothing imitates them.
+    /// The motion that would tell the findings from what imitates them: a recording without torque,
+    /// with accelerations as channels; None if nothing imitates them.
     #[getter]
     fn next_motion(&self) -> Option<Recording> {
         let robot = self.inner.after.robot();
         self.inner.next_motion().map(|motion| motion.recording(robot, "next experiment").into())
     }
 
-    /// Writes the motion of `next_motion`: a table (.csv, .csv.gz) of time, position, velocity and acceleration, or an
-    /// MCAP file (.mcap) with one trajectory_msgs/msg/JointTrajectory message.
+    /// Writes the motion of `next_motion`: a table (.csv, .csv.gz) of time, position, velocity and
+    /// acceleration, or an MCAP file (.mcap) with one trajectory_msgs/msg/JointTrajectory message.
     ///
     /// Raises
     /// ------
@@ -306,8 +325,13 @@ impl Diagnosis {
         let motion = self.inner.next_motion().ok_or_else(|| invalid(none))?;
         let robot = self.inner.after.robot();
         let mcap = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("mcap"));
-        let write =
-            || if mcap { motion.write_mcap(robot, "/joint_trajectory", &path) } else { motion.write_csv(robot, &path) };
+        let write = || {
+            if mcap {
+                motion.write_mcap(robot, "/joint_trajectory", &path)
+            } else {
+                motion.write_csv(robot, &path)
+            }
+        };
         detached(py, write).map_err(IntoPyErr::into_py_err)
     }
 
@@ -327,12 +351,16 @@ impl Diagnosis {
         slf.py().import("sgpr._views")?.call_method1("plot_diagnosis", (slf,))
     }
 
-    /// Writes the page of `sgpr diagnose`: the answer, where the model fails, what is missing, what is left.
+    /// Writes the page of `sgpr diagnose`: the answer, where the model fails, what is missing, what
+    /// is left.
     fn report(slf: &Bound<'_, Self>, path: PathBuf) -> PyResult<()> {
         let py = slf.py();
         let own = slf.get();
         let wrapped = |recordings: &[logs::Recording]| -> PyResult<Vec<Py<Recording>>> {
-            recordings.iter().map(|recording| Py::new(py, Recording::from(recording.clone()))).collect()
+            recordings
+                .iter()
+                .map(|recording| Py::new(py, Recording::from(recording.clone())))
+                .collect()
         };
         let before = Model { inner: own.before.clone(), report: None };
         let arguments = (slf, path, before, wrapped(&own.train)?, wrapped(&own.test)?);
@@ -346,9 +374,11 @@ impl Diagnosis {
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Parts)> {
         let Self { inner, before, train, test } = slf.get();
         let motions: Vec<_> = inner.next_experiment.iter().map(|one| &one.motion).collect();
-        let motions = serde_json::to_string(&motions).map_err(|error| invalid(error.to_string()))?;
+        let motions =
+            serde_json::to_string(&motions).map_err(|error| invalid(error.to_string()))?;
         let after = as_model(&Arc::new(inner.after.clone()));
-        let parts = (inner.to_json(), motions, as_model(before), after, as_python(train), as_python(test));
+        let parts =
+            (inner.to_json(), motions, as_model(before), after, as_python(train), as_python(test));
         Ok((slf.get_type().getattr("_from_parts")?, parts))
     }
 
@@ -363,7 +393,8 @@ impl Diagnosis {
     ) -> PyResult<Self> {
         let motions = serde_json::from_str(motions).map_err(|error| not_one(error.to_string()))?;
         let (before, after) = (before.inner.clone(), after.inner.as_ref().clone());
-        let inner = core::Diagnosis::from_json(text, before.as_ref().clone(), after, motions).map_err(not_one)?;
+        let inner = core::Diagnosis::from_json(text, before.as_ref().clone(), after, motions)
+            .map_err(not_one)?;
         let [train, test] = [train, test].map(recordings);
         Ok(Self { inner: Arc::new(inner), before, train: Arc::new(train?), test: Arc::new(test?) })
     }
@@ -387,7 +418,11 @@ fn not_one(why: String) -> PyErr {
 }
 
 fn describe(finding: &core::Finding) -> String {
-    let at = if finding.joints.is_empty() { String::new() } else { format!(" at {}", finding.joints.join(", ")) };
+    let at = if finding.joints.is_empty() {
+        String::new()
+    } else {
+        format!(" at {}", finding.joints.join(", "))
+    };
     format!("{}{at}, probability {:.2}", finding.effect, finding.probability)
 }
 
@@ -509,7 +544,12 @@ impl Finding {
     }
 
     #[staticmethod]
-    fn _from_parts(text: &str, before: &Model, after: &Model, train: &Bound<'_, PyAny>) -> PyResult<Self> {
+    fn _from_parts(
+        text: &str,
+        before: &Model,
+        after: &Model,
+        train: &Bound<'_, PyAny>,
+    ) -> PyResult<Self> {
         let models = (before.inner.clone(), after.inner.clone());
         let inner = core::Finding::from_json(text, &models.0, &models.1).map_err(not_one)?;
         Ok(Self { inner, train: Arc::new(recordings(train)?), models })

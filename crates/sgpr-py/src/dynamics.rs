@@ -54,7 +54,8 @@ impl Robot {
         samples[0].result(py, &[n], tau)
     }
 
-    /// Forward dynamics: the acceleration that a torque makes, ddq = M(q)⁻¹ (tau - C(q, dq) dq - g(q)).
+    /// Forward dynamics: the acceleration that a torque makes, ddq = M(q)⁻¹ (tau - C(q, dq) dq -
+    /// g(q)).
     ///
     /// Parameters
     /// ----------
@@ -80,9 +81,14 @@ impl Robot {
         dq: &Bound<'py, PyAny>,
         tau: &Bound<'py, PyAny>,
     ) -> PyResult<Array<'py>> {
-        self.each(py, [("q", q), ("dq", dq), ("tau", tau)], &[self.dof()], |robot, ws, [q, dq, tau], ddq| {
-            ddq.copy_from_slice(core::forward_dynamics(robot, ws, q, dq, tau));
-        })
+        self.each(
+            py,
+            [("q", q), ("dq", dq), ("tau", tau)],
+            &[self.dof()],
+            |robot, ws, [q, dq, tau], ddq| {
+                ddq.copy_from_slice(core::forward_dynamics(robot, ws, q, dq, tau));
+            },
+        )
     }
 
     /// Mass matrix M(q), (N, n, n) or (n, n), kg·m² (kg·m, kg).
@@ -98,14 +104,20 @@ impl Robot {
         })
     }
 
-    /// Bias forces C(q, dq) dq + g(q): the torque of a motion without acceleration, N·m (N), of the shape of q.
+    /// Bias forces C(q, dq) dq + g(q): the torque of a motion without acceleration, N·m (N), of the
+    /// shape of q.
     ///
     /// Examples
     /// --------
     /// >>> robot = sgpr.robots.two_link()
     /// >>> bool(np.allclose(robot.bias_forces([0.3, 0.1], [0.0, 0.0]), robot.gravity_torque([0.3, 0.1])))
     /// True
-    fn bias_forces<'py>(&self, py: Python<'py>, q: &Bound<'py, PyAny>, dq: &Bound<'py, PyAny>) -> PyResult<Array<'py>> {
+    fn bias_forces<'py>(
+        &self,
+        py: Python<'py>,
+        q: &Bound<'py, PyAny>,
+        dq: &Bound<'py, PyAny>,
+    ) -> PyResult<Array<'py>> {
         self.each(py, [("q", q), ("dq", dq)], &[self.dof()], |robot, ws, [q, dq], tau| {
             tau.copy_from_slice(core::bias_forces(robot, ws, q, dq));
         })
@@ -151,7 +163,9 @@ impl Robot {
         let samples = Samples::together([("q", q), ("dq", dq), ("ddq", ddq)], n)?;
         let mut matrix = zeros(&[samples[0].count(), n, columns])?;
         let motion = motion(&samples);
-        detached(py, || core::regressor_batch(robot, &mut BatchWorkspace::new(robot), motion, &mut matrix));
+        detached(py, || {
+            core::regressor_batch(robot, &mut BatchWorkspace::new(robot), motion, &mut matrix)
+        });
         samples[0].result(py, &[n, columns], matrix)
     }
 
@@ -182,8 +196,8 @@ impl Robot {
         })
     }
 
-    /// Jacobian of a frame, (N, 6, n) or (6, n): velocity of its origin (rows 0-2) and its angular velocity (rows 3-5),
-    /// in base axes, per joint velocity.
+    /// Jacobian of a frame, (N, 6, n) or (6, n): velocity of its origin (rows 0-2) and its angular
+    /// velocity (rows 3-5), in base axes, per joint velocity.
     ///
     /// Parameters
     /// ----------
@@ -197,7 +211,12 @@ impl Robot {
     /// >>> sgpr.robots.two_link().jacobian([0.0, 0.0])[1]  # sideways motion of the tip
     /// array([2., 1.])
     #[pyo3(signature = (q, frame=None))]
-    fn jacobian<'py>(&self, py: Python<'py>, q: &Bound<'py, PyAny>, frame: Option<&str>) -> PyResult<Array<'py>> {
+    fn jacobian<'py>(
+        &self,
+        py: Python<'py>,
+        q: &Bound<'py, PyAny>,
+        frame: Option<&str>,
+    ) -> PyResult<Array<'py>> {
         let frame = self.frame_or_tip(frame)?;
         self.each(py, [("q", q)], &[6, self.dof()], |robot, ws, [q], matrix| {
             matrix.copy_from_slice(core::jacobian(robot, ws, q, &frame));
@@ -229,7 +248,11 @@ impl Robot {
     /// >>> up = sgpr.robots.two_link().potential_energy([np.pi / 2, 0.0])  # 1 kg at 0.5 m and at 1.5 m
     /// >>> round(float(up), 6)
     /// 19.62
-    fn potential_energy<'py>(&self, py: Python<'py>, q: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
+    fn potential_energy<'py>(
+        &self,
+        py: Python<'py>,
+        q: &Bound<'py, PyAny>,
+    ) -> PyResult<Bound<'py, PyAny>> {
         let energy = self.each(py, [("q", q)], &[], |robot, ws, [q], energy| {
             energy[0] = core::potential_energy(robot, ws, q);
         })?;

@@ -1,7 +1,7 @@
 //! Errors of the core as Python exceptions.
 //!
-//! Everything the library complains about is an `SgprError`, which is a `ValueError`; files that the system does not
-//! open are an `OSError`, as from `open`.
+//! Everything the library complains about is an `SgprError`, which is a `ValueError`; files that
+//! the system does not open are an `OSError`, as from `open`.
 
 use std::ffi::CString;
 
@@ -23,7 +23,12 @@ use sgpr_core::robot;
 use sgpr_core::signal::SignalError;
 use sgpr_core::simulation::SimulationError as SimulationFailure;
 
-create_exception!(sgpr, SgprError, PyValueError, "What sgpr cannot accept, and why. The base of its exceptions.");
+create_exception!(
+    sgpr,
+    SgprError,
+    PyValueError,
+    "What sgpr cannot accept, and why. The base of its exceptions."
+);
 create_exception!(sgpr, RobotError, SgprError, "A robot file or table that makes no robot.");
 create_exception!(
     sgpr,
@@ -31,11 +36,26 @@ create_exception!(
     SgprError,
     "A log that cannot be read, repaired, written or turned into motion."
 );
-create_exception!(sgpr, IdentificationError, SgprError, "Parameters that cannot be identified from what was given.");
-create_exception!(sgpr, GaussianProcessError, SgprError, "Data or a kernel of which no Gaussian process can be made.");
+create_exception!(
+    sgpr,
+    IdentificationError,
+    SgprError,
+    "Parameters that cannot be identified from what was given."
+);
+create_exception!(
+    sgpr,
+    GaussianProcessError,
+    SgprError,
+    "Data or a kernel of which no Gaussian process can be made."
+);
 create_exception!(sgpr, ModelFileError, SgprError, "A file that holds no model.");
 
-create_exception!(sgpr, ExcitationError, SgprError, "Limits or options under which there is no excitation trajectory.");
+create_exception!(
+    sgpr,
+    ExcitationError,
+    SgprError,
+    "Limits or options under which there is no excitation trajectory."
+);
 create_exception!(
     sgpr,
     SimulationError,
@@ -90,7 +110,9 @@ impl IntoPyErr for model::ModelFileError {
 impl IntoPyErr for MotionError {
     fn into_py_err(self) -> PyErr {
         match self {
-            Self::NoRecording | Self::Processing { .. } => IdentificationError::new_err(self.to_string()),
+            Self::NoRecording | Self::Processing { .. } => {
+                IdentificationError::new_err(self.to_string())
+            }
             Self::Signal(error) => error.into_py_err(),
             error => RecordingError::new_err(error.to_string()),
         }
@@ -220,8 +242,8 @@ impl IntoPyErr for DiagnosisError {
     }
 }
 
-/// `FileNotFoundError`, `PermissionError` and so on, as `open` raises them. A message if the file was opened and it was
-/// its content that could not be read.
+/// `FileNotFoundError`, `PermissionError` and so on, as `open` raises them. A message if the file
+/// was opened and it was its content that could not be read.
 fn os_error(path: String, source: &std::io::Error) -> Result<PyErr, String> {
     let Some(code) = os_code(source) else { return Err(format!("{path}: {source}")) };
     let text = std::io::Error::from_raw_os_error(code).to_string();
@@ -229,7 +251,8 @@ fn os_error(path: String, source: &std::io::Error) -> Result<PyErr, String> {
     Ok(PyOSError::new_err((code, reason, path)))
 }
 
-/// What the system said, if it was the system; where its number got lost on the way, the number that the kind has.
+/// What the system said, if it was the system; where its number got lost on the way, the number
+/// that the kind has.
 fn os_code(error: &std::io::Error) -> Option<i32> {
     use std::io::ErrorKind;
     error.raw_os_error().or(match error.kind() {
@@ -247,5 +270,7 @@ fn os_code(error: &std::io::Error) -> Option<i32> {
 /// Warns of what the user should read.
 pub fn warn(py: Python<'_>, texts: &[String]) -> PyResult<()> {
     let category = py.get_type::<PyUserWarning>();
-    texts.iter().try_for_each(|text| PyErr::warn(py, &category, &CString::new(text.replace('\0', ""))?, 2))
+    texts
+        .iter()
+        .try_for_each(|text| PyErr::warn(py, &category, &CString::new(text.replace('\0', ""))?, 2))
 }

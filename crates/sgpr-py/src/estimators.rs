@@ -3,8 +3,8 @@
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyString};
 use sgpr_core::identification::{
-    Consistency, Distance, ESTIMATORS, Estimator, LinkBounds, Method, ParameterBounds, PhysicalBounds, PriorWidth,
-    Region,
+    Consistency, Distance, ESTIMATORS, Estimator, LinkBounds, Method, ParameterBounds,
+    PhysicalBounds, PriorWidth, Region,
 };
 use sgpr_core::model::Uncertainty;
 use sgpr_core::signal::Differentiation;
@@ -15,7 +15,8 @@ use crate::errors::invalid;
 /// "wls", "irls:1.345", "rls:0.999"
 pub fn method(text: &str) -> PyResult<Method> {
     text.parse().map_err(|_| {
-        let choices = Method::choices().iter().map(|choice| format!("'{choice}'")).collect::<Vec<_>>();
+        let choices =
+            Method::choices().iter().map(|choice| format!("'{choice}'")).collect::<Vec<_>>();
         invalid(format!("method = '{text}': expected {}", choices.join(", ")))
     })
 }
@@ -25,9 +26,9 @@ pub fn method(text: &str) -> PyResult<Method> {
 /// Returns
 /// -------
 /// list of dict
-///     `name`, as `method` takes it; `title`, in words; `setting`, what the number in "name:number" is, and `usual`, its value
-///     unless given, or None; `needs`: "factors", works on sums of logs, too; "rows" of logs; "instruments" or the
-///     "controller".
+///     `name`, as `method` takes it; `title`, in words; `setting`, what the number in "name:number"
+///     is, and `usual`, its value unless given, or None; `needs`: "factors", works on sums of logs,
+///     too; "rows" of logs; "instruments" or the "controller".
 ///
 /// Examples
 /// --------
@@ -49,8 +50,12 @@ pub fn estimators(py: Python<'_>) -> PyResult<Vec<Bound<'_, PyDict>>> {
 
 /// "memory", "hac", "bootstrap", "bootstrap:500"
 pub fn uncertainty(text: &str) -> PyResult<Uncertainty> {
-    let wrong =
-        || invalid(format!("uncertainty = '{text}': expected 'memory', 'hac', 'bootstrap' or 'bootstrap:REPLICATES'"));
+    let wrong = || {
+        invalid(format!(
+            "uncertainty = '{text}': expected 'memory', 'hac', 'bootstrap' or \
+             'bootstrap:REPLICATES'"
+        ))
+    };
     match text.split_once(':') {
         None if text == "memory" => Ok(Uncertainty::Memory),
         None if text == "hac" => Ok(Uncertainty::Hac),
@@ -119,17 +124,21 @@ impl ConsistencyArguments {
         }
     }
 
-    /// The settings, if consistency is wanted, and whether the data choose the strength of the pull.
+    /// The settings, if consistency is wanted, and whether the data choose the strength of the
+    /// pull.
     pub fn finish(self) -> PyResult<(Option<Consistency>, bool)> {
         match (self.wanted, self.given) {
             (true, _) => Ok((Some(self.consistency), self.cross_validated)),
             (false, None) => Ok((None, false)),
-            (false, Some(option)) => Err(invalid(format!("{option}: it belongs to consistent=True"))),
+            (false, Some(option)) => {
+                Err(invalid(format!("{option}: it belongs to consistent=True")))
+            }
         }
     }
 }
 
-/// {"joint_2": {"mass": [1, 5], "box": [[...], [...]]}, "total_mass": [20, 30], "joint_2.Fv": [0, None]}
+/// {"joint_2": {"mass": [1, 5], "box": [[...], [...]]}, "total_mass": [20, 30], "joint_2.Fv": [0,
+/// None]}
 fn bounds(value: &Bound<'_, PyAny>) -> PyResult<PhysicalBounds> {
     let mut bounds = PhysicalBounds::default();
     for (name, limits) in items("bounds", value)? {
@@ -142,15 +151,21 @@ fn bounds(value: &Bound<'_, PyAny>) -> PyResult<PhysicalBounds> {
                     "mass" => link.mass = Some(interval(&label, &limit)?),
                     "box" => {
                         let (lowest, highest) = pair(&label, &limit)?;
-                        let (lowest, highest) = (vector3(&label, &lowest)?, vector3(&label, &highest)?);
+                        let (lowest, highest) =
+                            (vector3(&label, &lowest)?, vector3(&label, &highest)?);
                         link.centre = Some(Region::Box { lowest, highest });
                     }
                     "ellipsoid" => {
                         let (centre, half_axes) = pair(&label, &limit)?;
-                        let (centre, half_axes) = (vector3(&label, &centre)?, vector3(&label, &half_axes)?);
+                        let (centre, half_axes) =
+                            (vector3(&label, &centre)?, vector3(&label, &half_axes)?);
                         link.centre = Some(Region::Ellipsoid { centre, half_axes });
                     }
-                    _ => return Err(invalid(format!("{label}: known are 'mass', 'box' and 'ellipsoid'"))),
+                    _ => {
+                        return Err(invalid(format!(
+                            "{label}: known are 'mass', 'box' and 'ellipsoid'"
+                        )));
+                    }
                 }
             }
             bounds.links.push(link);
@@ -159,17 +174,23 @@ fn bounds(value: &Bound<'_, PyAny>) -> PyResult<PhysicalBounds> {
         } else {
             let [lowest, highest] = interval(&label, &limits)?;
             let finite = |limit: f64| limit.is_finite().then_some(limit);
-            bounds
-                .parameters
-                .push(ParameterBounds::new(name).with_lowest(finite(lowest)).with_highest(finite(highest)));
+            bounds.parameters.push(
+                ParameterBounds::new(name)
+                    .with_lowest(finite(lowest))
+                    .with_highest(finite(highest)),
+            );
         }
     }
     Ok(bounds)
 }
 
-fn pair<'py>(label: &str, value: &Bound<'py, PyAny>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
+fn pair<'py>(
+    label: &str,
+    value: &Bound<'py, PyAny>,
+) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
     let both = (!value.is_instance_of::<PyString>()).then(|| value.try_iter().ok()).flatten();
-    let both: Option<Vec<Bound<'py, PyAny>>> = both.and_then(|both| both.collect::<PyResult<_>>().ok());
+    let both: Option<Vec<Bound<'py, PyAny>>> =
+        both.and_then(|both| both.collect::<PyResult<_>>().ok());
     match both.as_deref() {
         Some([first, second]) => Ok((first.clone(), second.clone())),
         _ => Err(invalid(format!("{label}: expected two values"))),
@@ -183,7 +204,9 @@ fn interval(label: &str, value: &Bound<'_, PyAny>) -> PyResult<[f64; 2]> {
         if limit.is_none() {
             return Ok(none);
         }
-        let number: f64 = limit.extract().map_err(|_| invalid(format!("{label}: expected two numbers or None")))?;
+        let number: f64 = limit
+            .extract()
+            .map_err(|_| invalid(format!("{label}: expected two numbers or None")))?;
         if number.is_nan() { Err(invalid(format!("{label}: NaN is no limit"))) } else { Ok(number) }
     };
     Ok([number(low, f64::NEG_INFINITY)?, number(high, f64::INFINITY)?])
@@ -193,6 +216,8 @@ fn interval(label: &str, value: &Bound<'_, PyAny>) -> PyResult<[f64; 2]> {
 pub fn differentiation_name(method: Differentiation) -> String {
     match method {
         Differentiation::Central { accuracy } => format!("central:{accuracy}"),
-        Differentiation::SavitzkyGolay { window, degree } => format!("savitzky_golay:{window}:{degree}"),
+        Differentiation::SavitzkyGolay { window, degree } => {
+            format!("savitzky_golay:{window}:{degree}")
+        }
     }
 }

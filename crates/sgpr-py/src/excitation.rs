@@ -9,7 +9,8 @@ use pyo3::types::PyDict;
 use pythonize::{depythonize, pythonize};
 use sgpr_core::effects::{Entry, by_name};
 use sgpr_core::excitation::{
-    self as core, Basis, Block, Criterion, ExciteOptions, MotionLimits, NominalEffects, Status, Surroundings,
+    self as core, Basis, Block, Criterion, ExciteOptions, MotionLimits, NominalEffects, Status,
+    Surroundings,
 };
 use sgpr_core::identification::{BaseParameters, Forecast, ParameterSet};
 use sgpr_core::model::{Term, TorqueModel};
@@ -50,8 +51,8 @@ pub struct Trajectory {
 
 #[pymethods]
 impl Trajectory {
-    /// A Fourier series from the amplitudes of its velocity, dq = sum a_l cos(2 pi f l t) + b_l sin(2 pi f l t), that
-    /// starts at position zero.
+    /// A Fourier series from the amplitudes of its velocity, dq = sum a_l cos(2 pi f l t) + b_l
+    /// sin(2 pi f l t), that starts at position zero.
     ///
     /// Parameters
     /// ----------
@@ -81,14 +82,15 @@ impl Trajectory {
         Ok(Self { inner: inner.map_err(IntoPyErr::into_py_err)?, robot })
     }
 
-    /// A random motion that starts and ends at rest and uses its limits to the full, for tests and for high-frequency
-    /// series.
+    /// A random motion that starts and ends at rest and uses its limits to the full, for tests and
+    /// for high-frequency series.
     ///
     /// Parameters
     /// ----------
     /// robot : Robot
     /// start : array of shape (n,), optional
-    ///     Position at both ends, rad (m); zero, or the middle of the range where zero is outside it.
+    ///     Position at both ends, rad (m); zero, or the middle of the range where zero is outside
+    ///     it.
     /// random_state : int, default 0
     /// **options
     ///     Basis and limits as in `excite`.
@@ -161,12 +163,20 @@ impl Trajectory {
     /// Returns
     /// -------
     /// q, dq, ddq : arrays of shape (N, n)
-    fn at<'py>(&self, py: Python<'py>, t: &Bound<'py, PyAny>) -> PyResult<(Array<'py>, Array<'py>, Array<'py>)> {
+    fn at<'py>(
+        &self,
+        py: Python<'py>,
+        t: &Bound<'py, PyAny>,
+    ) -> PyResult<(Array<'py>, Array<'py>, Array<'py>)> {
         let times = Numbers::new("t", t)?.finite()?;
         let [count] = *times.shape() else { return Err(times.wrong_shape("(N,)")) };
         let samples = self.inner.at(times.values().iter().copied());
         let shape = [count, self.robot.dof()];
-        Ok((array(py, &shape, samples.q)?, array(py, &shape, samples.dq)?, array(py, &shape, samples.ddq)?))
+        Ok((
+            array(py, &shape, samples.q)?,
+            array(py, &shape, samples.dq)?,
+            array(py, &shape, samples.ddq)?,
+        ))
     }
 
     /// Samples from time zero on.
@@ -211,12 +221,14 @@ impl Trajectory {
     /// Returns
     /// -------
     /// dict
-    ///     "condition", "scaled_condition", "frobenius_condition", "link_conditions", "sum_of_conditions",
-    ///     "log_determinant" (per sample), "singular_values", "rank", "not_told_apart" (names of the parameters that the
-    ///     motion confuses, if rank is below their number), "base_parameters"; with effects that enter
-    ///     nonlinearly "nominal", the values at which their torque is differentiated, and "hidden", parameters that no
-    ///     motion can tell from others. "base_parameters" counts those of "nominal".
-    #[pyo3(signature = (effects=None, *, noise=None, rate_hz=100.0), text_signature = "($self, effects=(), *, noise=None, rate_hz=100.0)")]
+    ///     "condition", "scaled_condition", "frobenius_condition", "link_conditions",
+    ///     "sum_of_conditions", "log_determinant" (per sample), "singular_values", "rank",
+    ///     "not_told_apart" (names of the parameters that the motion confuses, if rank is below
+    ///     their number), "base_parameters"; with effects that enter nonlinearly "nominal", the
+    ///     values at which their torque is differentiated, and "hidden", parameters that no motion
+    ///     can tell from others. "base_parameters" counts those of "nominal".
+    #[pyo3(signature = (effects=None, *, noise=None, rate_hz=100.0), text_signature = "($self, \
+         effects=(), *, noise=None, rate_hz=100.0)")]
     fn excitation<'py>(
         &self,
         py: Python<'py>,
@@ -231,7 +243,14 @@ impl Trajectory {
         let report = detached(py, || {
             let base = BaseParameters::new(&self.robot, &set);
             let nominal = nominal(&self.robot, &set, &base, None, terms, self.inner.duration());
-            let report = core::evaluate(&self.robot, &set, &base, nominal.as_ref(), &samples, noise.as_deref());
+            let report = core::evaluate(
+                &self.robot,
+                &set,
+                &base,
+                nominal.as_ref(),
+                &samples,
+                noise.as_deref(),
+            );
             report.map(|report| (report, nominal))
         });
         let (report, nominal) = report.map_err(IntoPyErr::into_py_err)?;
@@ -243,38 +262,46 @@ impl Trajectory {
     /// Returns
     /// -------
     /// dict of arrays
-    ///     "position" (n, 2), "velocity", "acceleration", "torque" (n,); the torque is that of the rigid body.
+    ///     "position" (n, 2), "velocity", "acceleration", "torque" (n,); the torque is that of the
+    ///     rigid body.
     fn peaks<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let none: &[&str] = &[];
         let set = ParameterSet::new(&self.robot, none).map_err(IntoPyErr::into_py_err)?;
-        peaks_dict(py, &core::peaks(&self.robot, &set, &self.robot.standard_parameters(), &self.inner))
+        peaks_dict(
+            py,
+            &core::peaks(&self.robot, &set, &self.robot.standard_parameters(), &self.inner),
+        )
     }
 
-    /// Writes a table (.csv, .csv.gz) of time, position, velocity and acceleration, from rest to rest; the file is
-    /// complete or not there.
+    /// Writes a table (.csv, .csv.gz) of time, position, velocity and acceleration, from rest to
+    /// rest; the file is complete or not there.
     #[pyo3(signature = (path, rate_hz=100.0))]
     fn save_csv(&self, py: Python<'_>, path: PathBuf, rate_hz: f64) -> PyResult<()> {
         let samples = self.whole(rate_hz)?;
         detached(py, || samples.write_csv(&self.robot, path)).map_err(IntoPyErr::into_py_err)
     }
 
-    /// Writes an MCAP file with one trajectory_msgs/msg/JointTrajectory message, from rest to rest; the file is complete
-    /// or not there.
+    /// Writes an MCAP file with one trajectory_msgs/msg/JointTrajectory message, from rest to rest;
+    /// the file is complete or not there.
     #[pyo3(signature = (path, rate_hz=100.0, topic="/joint_trajectory"))]
     fn save_mcap(&self, py: Python<'_>, path: PathBuf, rate_hz: f64, topic: &str) -> PyResult<()> {
         let samples = self.whole(rate_hz)?;
-        detached(py, || samples.write_mcap(&self.robot, topic, path)).map_err(IntoPyErr::into_py_err)
+        detached(py, || samples.write_mcap(&self.robot, topic, path))
+            .map_err(IntoPyErr::into_py_err)
     }
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Pickled<'py>)> {
         let Self { inner, robot } = slf.get();
-        Ok((slf.get_type().getattr("_from_parts")?, (robot.clone().into(), pythonize(slf.py(), inner)?)))
+        Ok((
+            slf.get_type().getattr("_from_parts")?,
+            (robot.clone().into(), pythonize(slf.py(), inner)?),
+        ))
     }
 
     #[staticmethod]
     fn _from_parts(robot: &Robot, trajectory: &Bound<'_, PyAny>) -> PyResult<Self> {
-        let inner: core::Trajectory =
-            depythonize(trajectory).map_err(|error| invalid(format!("not a trajectory: {error}")))?;
+        let inner: core::Trajectory = depythonize(trajectory)
+            .map_err(|error| invalid(format!("not a trajectory: {error}")))?;
         if inner.start().len() != robot.inner.dof() {
             return Err(invalid("not a trajectory of this robot: it has another number of joints"));
         }
@@ -291,7 +318,9 @@ const MOST_SAMPLES: f64 = 1e8;
 
 fn rate(rate_hz: f64, duration: f64) -> PyResult<f64> {
     if positive("rate_hz", rate_hz)? * duration > MOST_SAMPLES {
-        return Err(invalid(format!("rate_hz = {rate_hz}: that are more than {MOST_SAMPLES} samples")));
+        return Err(invalid(format!(
+            "rate_hz = {rate_hz}: that are more than {MOST_SAMPLES} samples"
+        )));
     }
     Ok(rate_hz)
 }
@@ -364,10 +393,11 @@ impl Excitation {
         peaks_dict(py, &self.inner.peaks)
     }
 
-    /// How much of this motion to record: what parameters that are identified from it, repeated, add to the torque of other
-    /// motion of its kind, joint by joint. The keys are those of `IdentificationReport.forecast`; "noise" is that which
-    /// was given, else 2.4 % of a joint's largest torque, the median of what models of five real robots leave, half a second
-    /// of whose errors is worth one independent equation. The effects at nominal values are not in it.
+    /// How much of this motion to record: what parameters that are identified from it, repeated,
+    /// add to the torque of other motion of its kind, joint by joint. The keys are those of
+    /// `IdentificationReport.forecast`; "noise" is that which was given, else 2.4 % of a joint's
+    /// largest torque, the median of what models of five real robots leave, half a second of whose
+    /// errors is worth one independent equation. The effects at nominal values are not in it.
     #[getter]
     fn forecast<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         forecast_dict(py, &self.inner.forecast)
@@ -385,15 +415,20 @@ impl Excitation {
         &self.inner.tightest
     }
 
-    /// How the searches went, (evaluations, 3): number of the search, evaluation in it, smoothed value.
+    /// How the searches went, (evaluations, 3): number of the search, evaluation in it, smoothed
+    /// value.
     #[getter]
     fn history<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
         let steps = &self.inner.history;
-        let rows = steps.iter().flat_map(|step| [step.start as f64, step.evaluation as f64, step.value]).collect();
+        let rows = steps
+            .iter()
+            .flat_map(|step| [step.start as f64, step.evaluation as f64, step.value])
+            .collect();
         array(py, &[steps.len(), 3], rows)
     }
 
-    /// "finished", or "interrupted" by Ctrl-C or the progress callback: then it is the best motion so far.
+    /// "finished", or "interrupted" by Ctrl-C or the progress callback: then it is the best motion
+    /// so far.
     #[getter]
     fn status(&self) -> &'static str {
         match self.inner.status {
@@ -419,7 +454,8 @@ impl Excitation {
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Found<'py>)> {
         let Self { inner, criterion, nominal, robot } = slf.get();
-        let parts = (robot.clone().into(), criterion.name(), pythonize(slf.py(), inner)?, nominal.clone());
+        let parts =
+            (robot.clone().into(), criterion.name(), pythonize(slf.py(), inner)?, nominal.clone());
         Ok((slf.get_type().getattr("_from_parts")?, parts))
     }
 
@@ -430,13 +466,20 @@ impl Excitation {
         found: &Bound<'_, PyAny>,
         nominal: Option<Nominal>,
     ) -> PyResult<Self> {
-        let criterion = choice("criterion", criterion, &Criterion::ALL.map(|known| (known.name(), known)))?;
-        let inner: core::Excitation =
-            depythonize(found).map_err(|error| invalid(format!("not what was pickled: {error}")))?;
+        let criterion =
+            choice("criterion", criterion, &Criterion::ALL.map(|known| (known.name(), known)))?;
+        let inner: core::Excitation = depythonize(found)
+            .map_err(|error| invalid(format!("not what was pickled: {error}")))?;
         let n = robot.inner.dof();
         let core::Peaks { position, velocity, acceleration, torque, .. } = &inner.peaks;
         let Forecast { seconds, deviation, noise, .. } = &inner.forecast;
-        let joints = [inner.trajectory.start().len(), velocity.len(), acceleration.len(), torque.len(), noise.len()];
+        let joints = [
+            inner.trajectory.start().len(),
+            velocity.len(),
+            acceleration.len(),
+            torque.len(),
+            noise.len(),
+        ];
         let fits = joints == [n; 5] && position.len() == n && deviation.len() == seconds.len();
         if !fits || deviation.iter().any(|joints| joints.len() != n) {
             return Err(invalid("not what was pickled: its parts do not belong together"));
@@ -445,26 +488,33 @@ impl Excitation {
     }
 
     fn __repr__(&self) -> String {
-        format!("Excitation of {} joints, value {:.6}, {}", self.robot.dof(), self.inner.value, self.status())
+        format!(
+            "Excitation of {} joints, value {:.6}, {}",
+            self.robot.dof(),
+            self.inner.value,
+            self.status()
+        )
     }
 }
 
 /// Finds a motion that reveals the parameters of a robot and stays within its limits.
 ///
-/// Sequential quadratic programming with exact derivatives, from several random motions. Limits of position, speed,
-/// acceleration and torque hold in continuous time. Ctrl-C gives the best motion so far.
+/// Sequential quadratic programming with exact derivatives, from several random motions. Limits of
+/// position, speed, acceleration and torque hold in continuous time. Ctrl-C gives the best motion
+/// so far.
 ///
 /// Parameters
 /// ----------
 /// robot : Robot
 /// effects : list of str, default ("viscous_friction", "coulomb_friction")
-///     Effects whose parameters shall be revealed too. Of one that depends on the whole motion or enters nonlinearly, such
-///     as "stribeck_friction", the torque is differentiated by parameters and constants at nominal values: those of
-///     `model`, or the middle of what is known of the constants and coefficients of one. The motion is good for values
-///     near these; with such effects "d_optimality" is the criterion that does not depend on units.
+///     Effects whose parameters shall be revealed too. Of one that depends on the whole motion or
+///     enters nonlinearly, such as "stribeck_friction", the torque is differentiated by parameters
+///     and constants at nominal values: those of `model`, or the middle of what is known of the
+///     constants and coefficients of one. The motion is good for values near these; with such
+///     effects "d_optimality" is the criterion that does not depend on units.
 /// criterion : str, default "condition"
-///     What is made small: "condition", "frobenius_condition", "sum_of_conditions" (per link), "static_conditions",
-///     "dynamic_conditions", "d_optimality", "hadamard".
+///     What is made small: "condition", "frobenius_condition", "sum_of_conditions" (per link),
+///     "static_conditions", "dynamic_conditions", "d_optimality", "hadamard".
 /// basis : {"fourier", "b_spline", "point_to_point"}
 /// fundamental_hz : float, default 0.1
 ///     Of a series; it lasts one period.
@@ -489,7 +539,8 @@ impl Excitation {
 /// clearance, link_radius : float, default 0 and 0.05
 ///     Distance that is kept; radius of the links, which are capsules from joint to joint, m.
 /// link_shapes : path, optional
-///     The robot's URDF, whose collision shapes (cylinders, boxes, spheres, capsules) are the links, instead of a radius.
+///     The robot's URDF, whose collision shapes (cylinders, boxes, spheres, capsules) are the
+///     links, instead of a radius.
 /// max_tip_speed : float, optional
 ///     Of the last frame of the last joint, m/s.
 /// start : array of shape (n,), optional
@@ -497,8 +548,8 @@ impl Excitation {
 /// noise : array of shape (n,), optional
 ///     Standard deviations of the torque, N·m (N), which weigh the joints.
 /// model : Model, optional
-///     What torque limits are checked with, and nominal values of effects; the effects that it has at all joints must be
-///     those of `effects` that enter linearly. The rigid body by default.
+///     What torque limits are checked with, and nominal values of effects; the effects that it has
+///     at all joints must be those of `effects` that enter linearly. The rigid body by default.
 /// starts : int, default 6
 ///     Searches.
 /// max_evaluations : int, default 1500
@@ -507,7 +558,8 @@ impl Excitation {
 /// n_jobs : int, optional
 ///     Threads; all by default. The result does not depend on them.
 /// progress : callable, optional
-///     Called as ``progress(stage, done, total)``; what it raises ends the search with the best motion so far.
+///     Called as ``progress(stage, done, total)``; what it raises ends the search with the best
+///     motion so far.
 ///
 /// Returns
 /// -------
@@ -522,7 +574,9 @@ impl Excitation {
 #[pyfunction]
 #[pyo3(signature = (robot, effects=None, *, criterion="condition", start=None, noise=None, model=None, starts=None,
     max_evaluations=None, random_state=0, n_jobs=None, progress=None, **options),
-    text_signature = "(robot, effects=('viscous_friction', 'coulomb_friction'), *, criterion='condition', start=None, noise=None, model=None, starts=6, max_evaluations=1500, random_state=0, n_jobs=None, progress=None, **options)")]
+    text_signature = "(robot, effects=('viscous_friction', 'coulomb_friction'), *, \
+         criterion='condition', start=None, noise=None, model=None, starts=6, \
+         max_evaluations=1500, random_state=0, n_jobs=None, progress=None, **options)")]
 #[expect(clippy::too_many_arguments, reason = "one for each Python keyword")]
 pub fn excite(
     py: Python<'_>,
@@ -552,33 +606,45 @@ pub fn excite(
     let surroundings = surroundings(&keywords, &robot)?;
     let mut options = ExciteOptions::new(basis, limits);
     options.surroundings = surroundings;
-    options.criterion = choice("criterion", criterion, &Criterion::ALL.map(|known| (known.name(), known)))?;
+    options.criterion =
+        choice("criterion", criterion, &Criterion::ALL.map(|known| (known.name(), known)))?;
     options.start = start.map(|start| per_joint("start", start, &robot)).transpose()?;
     options.noise = noise.map(|noise| per_joint("noise", noise, &robot)).transpose()?;
     if let Some(model) = model {
         let model = &model.get().inner;
         if model.parameter_set().names() != set.names() {
-            return Err(invalid("model: its joints and effects must be those of robot and effects"));
+            return Err(invalid(
+                "model: its joints and effects must be those of robot and effects",
+            ));
         }
         options.parameters = Some(model.parameters().to_vec());
     }
-    options.starts = starts.map_or(Ok(options.starts), |value| whole("starts", value, 1..100_001))?;
-    options.evaluations =
-        max_evaluations.map_or(Ok(options.evaluations), |value| whole("max_evaluations", value, 1..1_000_001))?;
-    options.threads = n_jobs.map_or(Ok(options.threads), |value| whole("n_jobs", value, 1..1025))?;
+    options.starts =
+        starts.map_or(Ok(options.starts), |value| whole("starts", value, 1..100_001))?;
+    options.evaluations = max_evaluations
+        .map_or(Ok(options.evaluations), |value| whole("max_evaluations", value, 1..1_000_001))?;
+    options.threads =
+        n_jobs.map_or(Ok(options.threads), |value| whole("n_jobs", value, 1..1025))?;
     options.seed = random_state;
     // An interruption is no failure here: it ends the search, and what was found is returned.
     let found = listen(py, progress, |progress| {
         let base = BaseParameters::new(&robot, &set);
-        options.nominal = nominal(&robot, &set, &base, options.parameters.as_deref(), terms, duration);
-        core::optimise(&robot, &set, &base, &options, &Once { progress, stopped: Mutex::new(false) })
+        options.nominal =
+            nominal(&robot, &set, &base, options.parameters.as_deref(), terms, duration);
+        core::optimise(
+            &robot,
+            &set,
+            &base,
+            &options,
+            &Once { progress, stopped: Mutex::new(false) },
+        )
     })?;
     let nominal = options.nominal.as_ref().map(named);
     Ok(Excitation { inner: found, criterion: options.criterion, nominal, robot })
 }
 
-/// The effects that enter by columns of the present joint motion, and the terms of the others: those of the model, or with
-/// values from the middle of what is known.
+/// The effects that enter by columns of the present joint motion, and the terms of the others:
+/// those of the model, or with values from the middle of what is known.
 fn split(
     robot: &CoreRobot,
     effects: &[String],
@@ -592,10 +658,15 @@ fn split(
             state.push(name);
             continue;
         }
-        let known = model.into_iter().flat_map(TorqueModel::terms).filter(|term| term.effect.name() == name);
+        let known = model
+            .into_iter()
+            .flat_map(TorqueModel::terms)
+            .filter(|term| term.effect.name() == name);
         let known: Vec<Term> = known.cloned().collect();
         match known.is_empty() {
-            true => terms.extend(core::nominal_terms(robot, &effect, duration).map_err(IntoPyErr::into_py_err)?),
+            true => terms.extend(
+                core::nominal_terms(robot, &effect, duration).map_err(IntoPyErr::into_py_err)?,
+            ),
             false => terms.extend(known),
         }
     }
@@ -644,10 +715,16 @@ fn report_dict<'py>(
     dict.set_item("condition", report.condition)?;
     dict.set_item("scaled_condition", report.scaled_condition)?;
     dict.set_item("frobenius_condition", report.frobenius_condition)?;
-    dict.set_item("link_conditions", array(py, &[report.link_conditions.len()], report.link_conditions.clone())?)?;
+    dict.set_item(
+        "link_conditions",
+        array(py, &[report.link_conditions.len()], report.link_conditions.clone())?,
+    )?;
     dict.set_item("sum_of_conditions", report.sum_of_conditions())?;
     dict.set_item("log_determinant", report.log_determinant)?;
-    dict.set_item("singular_values", array(py, &[report.singular_values.len()], report.singular_values.clone())?)?;
+    dict.set_item(
+        "singular_values",
+        array(py, &[report.singular_values.len()], report.singular_values.clone())?,
+    )?;
     dict.set_item("rank", report.rank)?;
     dict.set_item("not_told_apart", &report.not_told_apart)?;
     dict.set_item("base_parameters", report.singular_values.len())?;
@@ -687,8 +764,15 @@ const MOTION: [&str; 10] = [
 ];
 
 /// ... and of what is around the arm.
-const SURROUNDINGS: [&str; 7] =
-    ["floor", "boxes", "self_collision", "clearance", "link_radius", "link_shapes", "max_tip_speed"];
+const SURROUNDINGS: [&str; 7] = [
+    "floor",
+    "boxes",
+    "self_collision",
+    "clearance",
+    "link_radius",
+    "link_shapes",
+    "max_tip_speed",
+];
 
 /// The functions that the motion is made of.
 fn basis(options: &Keywords<'_, '_>) -> PyResult<Basis> {
@@ -697,9 +781,12 @@ fn basis(options: &Keywords<'_, '_>) -> PyResult<Basis> {
     let fundamental_hz = options.number("fundamental_hz")?.unwrap_or(0.1);
     let duration = options.number("duration")?.unwrap_or(10.0);
     let terms = options.get("terms")?.map_or(Ok(4), |value| whole("terms", &value, 2..10_001))?;
-    let points = options.get("points")?.map_or(Ok(12), |value| whole("points", &value, 3..10_001))?;
+    let points =
+        options.get("points")?.map_or(Ok(12), |value| whole("points", &value, 3..10_001))?;
     let (first, last): (usize, usize) = match options.get("harmonics")? {
-        Some(pair) => pair.extract().map_err(|_| invalid("harmonics: expected first and last harmonic"))?,
+        Some(pair) => {
+            pair.extract().map_err(|_| invalid("harmonics: expected first and last harmonic"))?
+        }
         None => (1, terms),
     };
     Ok(match kind {
@@ -714,28 +801,36 @@ fn surroundings(options: &Keywords<'_, '_>, robot: &CoreRobot) -> PyResult<Optio
     let radius = options.get("link_radius")?;
     let mut cell = match (options.get("link_shapes")?, radius) {
         (Some(_), Some(_)) => {
-            return Err(invalid("link_shapes, link_radius: the links are shapes of a file or capsules of a radius"));
+            return Err(invalid(
+                "link_shapes, link_radius: the links are shapes of a file or capsules of a radius",
+            ));
         }
-        (Some(path), None) => {
-            Surroundings::from_urdf(robot, path.extract::<PathBuf>()?).map_err(IntoPyErr::into_py_err)?
+        (Some(path), None) => Surroundings::from_urdf(robot, path.extract::<PathBuf>()?)
+            .map_err(IntoPyErr::into_py_err)?,
+        (None, radius) => {
+            Surroundings::skeleton(robot, radius.map_or(Ok(0.05), |value| value.extract())?)
         }
-        (None, radius) => Surroundings::skeleton(robot, radius.map_or(Ok(0.05), |value| value.extract())?),
     };
     cell.floor = options.get("floor")?.map(|value| value.extract()).transpose()?;
     if let Some(boxes) = options.get("boxes")? {
-        let corners: Vec<([f64; 3], [f64; 3])> = boxes
-            .extract()
-            .map_err(|_| invalid("boxes: expected pairs of lowest and highest corner, three numbers each"))?;
+        let corners: Vec<([f64; 3], [f64; 3])> = boxes.extract().map_err(|_| {
+            invalid("boxes: expected pairs of lowest and highest corner, three numbers each")
+        })?;
         cell.blocks = corners.into_iter().map(|(low, high)| Block { low, high }).collect();
     }
-    cell.self_collision = options.get("self_collision")?.map_or(Ok(false), |value| value.extract())?;
+    cell.self_collision =
+        options.get("self_collision")?.map_or(Ok(false), |value| value.extract())?;
     cell.clearance = options.number("clearance")?.unwrap_or(0.0);
     if let Some(limit) = options.get("max_tip_speed")? {
         let tip = robot.frames().iter().rev().find(|frame| frame.joint == Some(robot.dof() - 1));
-        let tip = tip.ok_or_else(|| invalid("max_tip_speed: the robot has no frame at its last joint"))?;
+        let tip =
+            tip.ok_or_else(|| invalid("max_tip_speed: the robot has no frame at its last joint"))?;
         cell.tip_speed = Some((tip.clone(), limit.extract()?));
     }
-    let empty = cell.floor.is_none() && cell.blocks.is_empty() && !cell.self_collision && cell.tip_speed.is_none();
+    let empty = cell.floor.is_none()
+        && cell.blocks.is_empty()
+        && !cell.self_collision
+        && cell.tip_speed.is_none();
     Ok((!empty).then_some(cell))
 }
 
@@ -756,7 +851,9 @@ fn limits(options: &Keywords<'_, '_>, robot: &CoreRobot) -> PyResult<MotionLimit
     let position = match options.get("position_range")? {
         Some(value) => {
             let numbers = Numbers::new("position_range", &value)?.shaped(&[n, 2])?.finite()?;
-            Some(numbers.values().chunks_exact(2).map(|pair| [pair[0], pair[1]]).collect::<Vec<_>>())
+            Some(
+                numbers.values().chunks_exact(2).map(|pair| [pair[0], pair[1]]).collect::<Vec<_>>(),
+            )
         }
         None => None,
     };

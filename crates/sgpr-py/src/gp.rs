@@ -1,4 +1,5 @@
-//! Gaussian processes: kernels, fitting, prediction. The estimator with scikit-learn's interface is written in Python.
+//! Gaussian processes: kernels, fitting, prediction. The estimator with scikit-learn's interface is
+//! written in Python.
 
 use std::sync::{Mutex, PoisonError};
 
@@ -6,9 +7,9 @@ use numpy::PyArrayDyn;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyString};
 use sgpr_core::gp::{
-    self as core, Calibration, Compute, Covariance, Data, GaussianProcess, GpError, GpPredictor, Inference,
-    LeaveOneOut, Likelihood, LikelihoodMemory, Precision, PredictorOptions, SearchOptions, SearchStatus, Shape,
-    SparseBound, SparseGaussianProcess, SparseOptions,
+    self as core, Calibration, Compute, Covariance, Data, GaussianProcess, GpError, GpPredictor,
+    Inference, LeaveOneOut, Likelihood, LikelihoodMemory, Precision, PredictorOptions,
+    SearchOptions, SearchStatus, Shape, SparseBound, SparseGaussianProcess, SparseOptions,
 };
 
 use crate::convert::{Numbers, array, choice, positive, whole};
@@ -21,7 +22,8 @@ type Array<'py> = Bound<'py, PyArrayDyn<f64>>;
 /// A stationary shape by its name.
 pub fn shape(name: &str) -> PyResult<Shape> {
     let rational = Shape::RationalQuadratic { mixture: 1.0 };
-    let shapes = [Shape::SquaredExponential, Shape::Exponential, Shape::Matern32, Shape::Matern52, rational];
+    let shapes =
+        [Shape::SquaredExponential, Shape::Exponential, Shape::Matern32, Shape::Matern52, rational];
     choice("kernel", name, &shapes.map(|shape| (shape.name(), shape)))
 }
 
@@ -35,7 +37,8 @@ pub fn status_name(status: SearchStatus) -> &'static str {
     }
 }
 
-/// Covariance function: a stationary shape over chosen inputs, to be added and multiplied. Never changes.
+/// Covariance function: a stationary shape over chosen inputs, to be added and multiplied. Never
+/// changes.
 ///
 /// Parameters
 /// ----------
@@ -71,7 +74,8 @@ pub struct Kernel {
 impl Kernel {
     #[new]
     #[pyo3(signature = (shape, inputs, length_scale=None, *, variance=1.0, mixture=1.0, periods=None),
-        text_signature = "(shape, inputs, length_scale=1.0, *, variance=1.0, mixture=1.0, periods=None)")]
+        text_signature = "(shape, inputs, length_scale=1.0, *, variance=1.0, mixture=1.0, \
+             periods=None)")]
     fn new(
         shape: &str,
         inputs: &Bound<'_, PyAny>,
@@ -81,11 +85,18 @@ impl Kernel {
         periods: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
         let shape = match self::shape(shape)? {
-            Shape::RationalQuadratic { .. } => Shape::RationalQuadratic { mixture: positive("mixture", mixture)? },
+            Shape::RationalQuadratic { .. } => {
+                Shape::RationalQuadratic { mixture: positive("mixture", mixture)? }
+            }
             shape => shape,
         };
-        let expected = |_| invalid(format!("inputs = {inputs}: expected a list of whole numbers, columns of X"));
-        let columns = inputs.try_iter().map_err(expected)?.map(|input| whole("inputs", &input?, 0..LARGEST_INPUT));
+        let expected = |_| {
+            invalid(format!("inputs = {inputs}: expected a list of whole numbers, columns of X"))
+        };
+        let columns = inputs
+            .try_iter()
+            .map_err(expected)?
+            .map(|input| whole("inputs", &input?, 0..LARGEST_INPUT));
         let columns = columns.collect::<PyResult<Vec<usize>>>()?;
         let kernel = match length_scale {
             None => core::Kernel::isotropic(shape, columns.len(), 1.0),
@@ -93,7 +104,9 @@ impl Kernel {
                 let numbers = Numbers::new("length_scale", scale)?.finite()?;
                 match (numbers.shape(), numbers.values()) {
                     ([], &[scale]) => core::Kernel::isotropic(shape, columns.len(), scale),
-                    (&[length], scales) if length == columns.len() => core::Kernel::ard(shape, scales),
+                    (&[length], scales) if length == columns.len() => {
+                        core::Kernel::ard(shape, scales)
+                    }
                     _ => return Err(numbers.wrong_shape(&format!("() or ({},)", columns.len()))),
                 }
             }
@@ -157,22 +170,24 @@ impl Kernel {
         }
         let (a, b) = (a.values(), b.values());
         let values = detached(py, || {
-            let pairs = a.chunks_exact(width).flat_map(|a| b.chunks_exact(width).map(move |b| (a, b)));
+            let pairs =
+                a.chunks_exact(width).flat_map(|a| b.chunks_exact(width).map(move |b| (a, b)));
             pairs.map(|(a, b)| self.inner.value(a, b)).collect()
         });
         array(py, &[rows, columns], values)
     }
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, (String,))> {
-        let text = serde_json::to_string(&slf.get().inner).map_err(|error| invalid(error.to_string()))?;
+        let text =
+            serde_json::to_string(&slf.get().inner).map_err(|error| invalid(error.to_string()))?;
         Ok((slf.get_type().getattr("from_json")?, (text,)))
     }
 
     /// The kernel that `to_json` described.
     #[staticmethod]
     fn from_json(text: &str) -> PyResult<Self> {
-        let inner: core::Kernel =
-            serde_json::from_str(text).map_err(|error| invalid(format!("not a kernel: {error}")))?;
+        let inner: core::Kernel = serde_json::from_str(text)
+            .map_err(|error| invalid(format!("not a kernel: {error}")))?;
         inner.validate(LARGEST_INPUT).map_err(IntoPyErr::into_py_err)?;
         Ok(Self { inner })
     }
@@ -184,8 +199,12 @@ impl Kernel {
 
     fn __repr__(&self) -> String {
         let values = self.inner.theta();
-        let parts =
-            self.inner.names().into_iter().zip(values).map(|(name, value)| format!("{name}={:.4}", value.exp()));
+        let parts = self
+            .inner
+            .names()
+            .into_iter()
+            .zip(values)
+            .map(|(name, value)| format!("{name}={:.4}", value.exp()));
         format!("Kernel({})", parts.collect::<Vec<_>>().join(", "))
     }
 }
@@ -195,7 +214,8 @@ const LARGEST_INPUT: usize = 1 << 20;
 
 /// {column: number}.
 fn pairs(given: &Bound<'_, PyAny>) -> PyResult<Vec<(usize, f64)>> {
-    let expected = |_| invalid(format!("periods = {given}: expected a dict, {{column of X: number}}"));
+    let expected =
+        |_| invalid(format!("periods = {given}: expected a dict, {{column of X: number}}"));
     let pairs = given.call_method0("items").map_err(expected)?;
     pairs.try_iter()?.map(|pair| pair?.extract().map_err(expected)).collect()
 }
@@ -223,7 +243,14 @@ pub struct FittedProcess {
 
 impl FittedProcess {
     fn new(process: Process, data: Data, compute: Compute, report: Report) -> Self {
-        Self { process, data, compute, report, memory: Mutex::default(), calibration: Mutex::default() }
+        Self {
+            process,
+            data,
+            compute,
+            report,
+            memory: Mutex::default(),
+            calibration: Mutex::default(),
+        }
     }
 
     fn left_out(&self) -> Result<LeaveOneOut, GpError> {
@@ -275,7 +302,9 @@ pub fn fit_process(
     let start = options.start(&data)?;
     let inference = options.inference(&data, &start);
     if let Inference::Subset { points } = inference {
-        let chosen = detached(py, || core::informative_points(&start.signal, data.x(), data.inputs(), points));
+        let chosen = detached(py, || {
+            core::informative_points(&start.signal, data.x(), data.inputs(), points)
+        });
         data = data.select(&chosen);
     }
     let compute = options.compute;
@@ -290,7 +319,8 @@ pub fn fit_process(
 
 /// How a process is fitted, as Python says it.
 struct FitOptions {
-    /// The kernel with its hyperparameters, or the shape of one with a length scale for every input, or one for all.
+    /// The kernel with its hyperparameters, or the shape of one with a length scale for every
+    /// input, or one for all.
     kernel: Option<core::Kernel>,
     shape: Shape,
     ard: bool,
@@ -334,17 +364,24 @@ impl FitOptions {
                 "optimise" => own.optimise = value.extract()?,
                 "starts" => own.search.starts = whole("starts", &value, 1..1001)?,
                 "subset" => own.search.subset = whole("subset", &value, 2..usize::MAX)?,
-                "max_evaluations" => own.search.evaluations = whole("max_evaluations", &value, 1..usize::MAX)?,
+                "max_evaluations" => {
+                    own.search.evaluations = whole("max_evaluations", &value, 1..usize::MAX)?
+                }
                 "inducing" => own.inducing = Some(whole("inducing", &value, 1..usize::MAX)?),
                 "budget" => own.budget = Some(whole("budget", &value, 1..usize::MAX)?),
                 "move_inducing" => own.move_inducing = value.extract()?,
                 "seed" => own.search.seed = whole("random_state", &value, 0..usize::MAX)? as u64,
                 "threads" => own.compute.threads = whole("n_jobs", &value, 1..1025)?,
                 "memory_limit_gb" => {
-                    own.compute.memory_limit = (1e9 * positive("memory_limit_gb", value.extract()?)?) as u64;
+                    own.compute.memory_limit =
+                        (1e9 * positive("memory_limit_gb", value.extract()?)?) as u64;
                 }
                 "progress" => own.progress = Some(value.unbind()),
-                _ => return Err(pyo3::exceptions::PyTypeError::new_err(format!("unexpected option '{key}'"))),
+                _ => {
+                    return Err(pyo3::exceptions::PyTypeError::new_err(format!(
+                        "unexpected option '{key}'"
+                    )));
+                }
             }
         }
         Ok(own)
@@ -381,7 +418,9 @@ impl FitOptions {
     fn inference(&self, data: &Data, start: &Covariance) -> Inference {
         match (self.inducing, self.budget) {
             (Some(inducing), _) => Inference::Sparse { inducing },
-            (None, Some(budget)) => Inference::within(budget, data.len(), start.correlated_noise.is_some()),
+            (None, Some(budget)) => {
+                Inference::within(budget, data.len(), start.correlated_noise.is_some())
+            }
             (None, None) => Inference::Exact,
         }
     }
@@ -400,8 +439,10 @@ impl FitOptions {
             let gp = SparseGaussianProcess::fit(data, start, points, &compute)?;
             return Ok((Process::Sparse(gp), Report::default()));
         }
-        let options =
-            SparseOptions::default().with_inducing(inducing).with_move_inducing(move_inducing).with_search(search);
+        let options = SparseOptions::default()
+            .with_inducing(inducing)
+            .with_move_inducing(move_inducing)
+            .with_search(search);
         let (gp, found) = core::search_sparse(data, &start, &options, &compute, progress)?;
         let report = Report {
             status: Some(found.status),
@@ -440,9 +481,16 @@ impl FitOptions {
 }
 
 /// What a predictor keeps, as the methods `predictor` are given it.
-pub fn predictor_options(single: bool, variance_rank: Option<usize>, compact: bool) -> PredictorOptions {
+pub fn predictor_options(
+    single: bool,
+    variance_rank: Option<usize>,
+    compact: bool,
+) -> PredictorOptions {
     let precision = if single { Precision::Single } else { Precision::Double };
-    PredictorOptions::default().with_precision(precision).with_variance_rank(variance_rank).with_compact(compact)
+    PredictorOptions::default()
+        .with_precision(precision)
+        .with_variance_rank(variance_rank)
+        .with_compact(compact)
 }
 
 /// The process that `FittedProcess.__reduce__` described.
@@ -456,12 +504,17 @@ pub fn restore_process(
     threads: usize,
 ) -> PyResult<FittedProcess> {
     let data = training_data(x, y)?;
-    let covariance: Covariance =
-        serde_json::from_str(covariance).map_err(|error| invalid(format!("not a Gaussian process: {error}")))?;
-    let inducing = inducing.map(|given| points("inducing", given)).transpose()?.map(|points| points.values().to_vec());
+    let covariance: Covariance = serde_json::from_str(covariance)
+        .map_err(|error| invalid(format!("not a Gaussian process: {error}")))?;
+    let inducing = inducing
+        .map(|given| points("inducing", given))
+        .transpose()?
+        .map(|points| points.values().to_vec());
     let compute = Compute::default().with_threads(threads.clamp(1, 1024));
     let process = detached(py, || match inducing {
-        Some(inducing) => SparseGaussianProcess::fit(&data, covariance, inducing, &compute).map(Process::Sparse),
+        Some(inducing) => {
+            SparseGaussianProcess::fit(&data, covariance, inducing, &compute).map(Process::Sparse)
+        }
         None => GaussianProcess::fit(data.clone(), covariance, &compute).map(Process::Exact),
     });
     let process = process.map_err(IntoPyErr::into_py_err)?;
@@ -475,7 +528,8 @@ fn word(name: &str, value: &Bound<'_, PyAny>) -> PyResult<String> {
     }
 }
 
-/// Weak, on the noise only: within a factor of some twenty of a hundredth of the mean square, where data say nothing.
+/// Weak, on the noise only: within a factor of some twenty of a hundredth of the mean square, where
+/// data say nothing.
 fn noise_prior(start: &Covariance, scale: f64) -> Vec<Option<(f64, f64)>> {
     let mut priors = vec![None; start.theta().len()];
     *priors.last_mut().expect("the noise variance") = Some(((1e-2 * scale).ln(), 3.0));
@@ -491,7 +545,8 @@ fn training_data(x: &Bound<'_, PyAny>, y: &Bound<'_, PyAny>) -> PyResult<Data> {
         [length, outputs] if length == rows && outputs > 0 => outputs,
         _ => return Err(y.wrong_shape(&format!("({rows},) or ({rows}, outputs)"))),
     };
-    Data::new(x.values().to_vec(), x.shape()[1], y.values().to_vec(), outputs).map_err(IntoPyErr::into_py_err)
+    Data::new(x.values().to_vec(), x.shape()[1], y.values().to_vec(), outputs)
+        .map_err(IntoPyErr::into_py_err)
 }
 
 #[pymethods]
@@ -516,11 +571,13 @@ impl FittedProcess {
         });
         let prediction = prediction.map_err(IntoPyErr::into_py_err)?;
         let rows = x.shape()[0];
-        let std = with_std.then(|| array(py, &[rows], prediction.variance.iter().map(|v| v.sqrt()).collect()));
+        let std = with_std
+            .then(|| array(py, &[rows], prediction.variance.iter().map(|v| v.sqrt()).collect()));
         Ok((array(py, &[rows, self.data.outputs()], prediction.mean)?, std.transpose()?))
     }
 
-    /// Log marginal likelihood (of a sparse process its lower bound), and its gradient by theta if asked for.
+    /// Log marginal likelihood (of a sparse process its lower bound), and its gradient by theta if
+    /// asked for.
     fn log_marginal_likelihood<'py>(
         &self,
         py: Python<'py>,
@@ -537,7 +594,9 @@ impl FittedProcess {
                     let kept = memory().take();
                     let mut likelihood = Likelihood::with_memory(&self.data, &self.compute, kept)?;
                     let result = if eval_gradient {
-                        likelihood.value_and_gradient(&covariance).map(|(value, gradient)| (value, Some(gradient)))
+                        likelihood
+                            .value_and_gradient(&covariance)
+                            .map(|(value, gradient)| (value, Some(gradient)))
                     } else {
                         likelihood.value(&covariance).map(|value| (value, None))
                     };
@@ -567,7 +626,8 @@ impl FittedProcess {
         }
     }
 
-    /// Means, (N, outputs), standard deviations of the measurements, (N,), and the log predictive density.
+    /// Means, (N, outputs), standard deviations of the measurements, (N,), and the log predictive
+    /// density.
     fn leave_one_out<'py>(&self, py: Python<'py>) -> PyResult<(Array<'py>, Array<'py>, f64)> {
         let found = detached(py, || self.left_out()).map_err(IntoPyErr::into_py_err)?;
         let rows = self.data.len();
@@ -576,19 +636,23 @@ impl FittedProcess {
         Ok((mean, array(py, &[rows], deviations)?, found.log_predictive_density))
     }
 
-    /// What standard deviations of measurements have to be multiplied by to give half of the intervals of 68 and of 95 %,
-    /// (outputs,) each.
+    /// What standard deviations of measurements have to be multiplied by to give half of the
+    /// intervals of 68 and of 95 %, (outputs,) each.
     fn calibration<'py>(&self, py: Python<'py>) -> PyResult<(Array<'py>, Array<'py>)> {
         let kept = || self.calibration.lock().unwrap_or_else(PoisonError::into_inner);
         let known = kept().clone();
         let factors = match known {
             Some(factors) => factors,
             None => {
-                let found = detached(py, || self.left_out().map(|left_out| left_out.calibration(&self.data)));
+                let found = detached(py, || {
+                    self.left_out().map(|left_out| left_out.calibration(&self.data))
+                });
                 kept().insert(found.map_err(IntoPyErr::into_py_err)?).clone()
             }
         };
-        let numbers = |of: fn(&Calibration) -> f64| array(py, &[factors.len()], factors.iter().map(of).collect());
+        let numbers = |of: fn(&Calibration) -> f64| {
+            array(py, &[factors.len()], factors.iter().map(of).collect())
+        };
         Ok((numbers(|factor| factor.deviation)?, numbers(|factor| factor.half_interval_95)?))
     }
 
@@ -657,13 +721,19 @@ impl FittedProcess {
             Process::Sparse(gp) => Ok(gp.predictor(options)),
         });
         let with_variance = variance_rank != Some(0);
-        Ok(ProcessPredictor { inner: Mutex::new(inner.map_err(IntoPyErr::into_py_err)?), with_variance })
+        Ok(ProcessPredictor {
+            inner: Mutex::new(inner.map_err(IntoPyErr::into_py_err)?),
+            with_variance,
+        })
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, pyo3::types::PyTuple>)> {
+    fn __reduce__<'py>(
+        slf: &Bound<'py, Self>,
+    ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, pyo3::types::PyTuple>)> {
         let (py, own) = (slf.py(), slf.get());
         let (rows, inputs, outputs) = (own.data.len(), own.data.inputs(), own.data.outputs());
-        let covariance = serde_json::to_string(own.process.covariance()).map_err(|error| invalid(error.to_string()))?;
+        let covariance = serde_json::to_string(own.process.covariance())
+            .map_err(|error| invalid(error.to_string()))?;
         let arguments = (
             array(py, &[rows, inputs], own.data.x().to_vec())?,
             array(py, &[rows, outputs], own.data.y().to_vec())?,
@@ -675,7 +745,8 @@ impl FittedProcess {
     }
 }
 
-/// Predicts one point after the other, for a control loop: allocates nothing but its result. One per thread.
+/// Predicts one point after the other, for a control loop: allocates nothing but its result. One
+/// per thread.
 ///
 /// Examples
 /// --------
@@ -699,8 +770,13 @@ impl ProcessPredictor {
         array(py, &[mean.len()], mean)
     }
 
-    /// Mean, (outputs,), standard deviation of the signal, and whether the point is far from the data.
-    fn mean_and_std<'py>(&self, py: Python<'py>, x: &Bound<'py, PyAny>) -> PyResult<(Array<'py>, f64, bool)> {
+    /// Mean, (outputs,), standard deviation of the signal, and whether the point is far from the
+    /// data.
+    fn mean_and_std<'py>(
+        &self,
+        py: Python<'py>,
+        x: &Bound<'py, PyAny>,
+    ) -> PyResult<(Array<'py>, f64, bool)> {
         if !self.with_variance {
             return Err(invalid("the predictor was made without variance: give variance_rank"));
         }
@@ -712,14 +788,15 @@ impl ProcessPredictor {
         Ok((array(py, &[mean.len()], mean)?, variance.sqrt(), far))
     }
 
-    /// Largest error of the mean in single precision, measured at points of the data and between them.
+    /// Largest error of the mean in single precision, measured at points of the data and between
+    /// them.
     #[getter]
     fn error(&self) -> f64 {
         self.inner.lock().unwrap_or_else(PoisonError::into_inner).error()
     }
 
-    /// Largest difference of the variance to that from all points in double precision, measured at the same points; of
-    /// fewer points it is too large there, never too small.
+    /// Largest difference of the variance to that from all points in double precision, measured at
+    /// the same points; of fewer points it is too large there, never too small.
     #[getter]
     fn variance_error(&self) -> f64 {
         self.inner.lock().unwrap_or_else(PoisonError::into_inner).variance_error()

@@ -18,7 +18,8 @@ impl<'a, 'py> Keywords<'a, 'py> {
             let name: String = name.extract()?;
             if !known.contains(&name.as_str()) {
                 let known = known.join(", ");
-                let message = format!("got an unexpected keyword argument '{name}'; options are {known}");
+                let message =
+                    format!("got an unexpected keyword argument '{name}'; options are {known}");
                 return Err(PyTypeError::new_err(message));
             }
         }
@@ -26,7 +27,9 @@ impl<'a, 'py> Keywords<'a, 'py> {
     }
 
     /// All that was given, in the order of the caller; what is `None` too.
-    pub fn all(&self) -> impl Iterator<Item = (Bound<'py, PyAny>, Bound<'py, PyAny>)> + use<'a, 'py> {
+    pub fn all(
+        &self,
+    ) -> impl Iterator<Item = (Bound<'py, PyAny>, Bound<'py, PyAny>)> + use<'a, 'py> {
         self.given.into_iter().flatten()
     }
 

@@ -41,8 +41,8 @@ mod _sgpr {
     use crate::diagnosis::{Diagnosis, Finding, diagnose, residual_structure};
     #[pymodule_export]
     use crate::errors::{
-        ExcitationError, GaussianProcessError, IdentificationError, ModelFileError, RecordingError, RobotError,
-        SgprError, SimulationError,
+        ExcitationError, GaussianProcessError, IdentificationError, ModelFileError, RecordingError,
+        RobotError, SgprError, SimulationError,
     };
     #[pymodule_export]
     use crate::estimators::estimators;
@@ -51,7 +51,9 @@ mod _sgpr {
     #[pymodule_export]
     use crate::gp::{FittedProcess, Kernel, ProcessPredictor, fit_process, restore_process};
     #[pymodule_export]
-    use crate::identification::{CutoffInfluence, cutoff_influence, effects, identify, repeated_share, shared_samples};
+    use crate::identification::{
+        CutoffInfluence, cutoff_influence, effects, identify, repeated_share, shared_samples,
+    };
     #[pymodule_export]
     use crate::identification_report::{CutoffChoice, IdentificationReport};
     #[pymodule_export]
@@ -66,16 +68,20 @@ mod _sgpr {
     use crate::payload::{DriveGains, Payload, identify_drive_gains, identify_payload, screen};
     #[pymodule_export]
     use crate::record::{
-        Record, choose_processing, compare_records, deviations, diagnose_records, identify_records, record,
+        Record, choose_processing, compare_records, deviations, diagnose_records, identify_records,
+        record,
     };
     #[pymodule_export]
     use crate::recording::{
-        Issue, Recording, Repaired, quantity_of_array, read_columns, read_csv, read_mcap, write_mcap,
+        Issue, Recording, Repaired, quantity_of_array, read_columns, read_csv, read_mcap,
+        write_mcap,
     };
     #[pymodule_export]
     use crate::robot::{BaseParameters, Robot, puma560, regroupings, two_link};
     #[pymodule_export]
-    use crate::semi_parametric::{FittedSemiParametric, SemiParametricPredictor, fit_semi_parametric};
+    use crate::semi_parametric::{
+        FittedSemiParametric, SemiParametricPredictor, fit_semi_parametric,
+    };
     #[pymodule_export]
     use crate::sessions::{SessionComparison, compare_sessions};
     #[pymodule_export]

@@ -27,7 +27,11 @@ fn rows<'py, T: numpy::Element>(
 
 impl LogResidual {
     /// A read-only array, (N, n), of its own memory.
-    fn made<'py, T: numpy::Element>(&self, py: Python<'py>, values: Vec<T>) -> PyResult<Bound<'py, PyArrayDyn<T>>> {
+    fn made<'py, T: numpy::Element>(
+        &self,
+        py: Python<'py>,
+        values: Vec<T>,
+    ) -> PyResult<Bound<'py, PyArrayDyn<T>>> {
         let made = array(py, &[self.inner.time().len(), self.dof], values)?;
         made.getattr("flags")?.setattr("writeable", false)?;
         Ok(made)
@@ -83,7 +87,10 @@ impl LogResidual {
     /// Which of them count: the joint moves, and the ends of the stretch are far.
     #[getter]
     fn counted<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArrayDyn<bool>>> {
-        self.made(py, (0..self.inner.predicted.len()).map(|entry| self.inner.counts(entry)).collect())
+        self.made(
+            py,
+            (0..self.inner.predicted.len()).map(|entry| self.inner.counts(entry)).collect(),
+        )
     }
 
     /// Sampling rate of the stretch, Hz.

@@ -11,20 +11,23 @@ use crate::recording::{Recording, require_usable};
 
 /// The logs of one robot, every sample once: it goes wherever a list of recordings goes.
 ///
-/// A log that is a copy of another, under whatever name, is left out; of logs that overlap, the samples that a log before has
-/// are left out, as recorders write them that cut a stream into files. Samples are the same if positions and torques of a run
-/// of at least fifty are the same numbers. Lists of recordings are taken as such sets by all that learns from them or
-/// judges by them, with the same results.
+/// A log that is a copy of another, under whatever name, is left out; of logs that overlap, the
+/// samples that a log before has are left out, as recorders write them that cut a stream into
+/// files. Samples are the same if positions and torques of a run of at least fifty are the same
+/// numbers. Lists of recordings are taken as such sets by all that learns from them or judges by
+/// them, with the same results.
 ///
-/// What filters and derivatives make of the logs is kept with the set, of the two ways of processing that were asked for last:
-/// all that takes sets finds the motion of a log once, be it `identify`, `compare`, `diagnose` or what learns. A set so takes up
-/// to four times the memory of its logs.
+/// What filters and derivatives make of the logs is kept with the set, of the two ways of
+/// processing that were asked for last: all that takes sets finds the motion of a log once, be it
+/// `identify`, `compare`, `diagnose` or what learns. A set so takes up to four times the memory of
+/// its logs.
 ///
 /// Parameters
 /// ----------
 /// recordings : list of Recording
 /// whole : bool, default False
-///     Every log whole, whatever others hold of it: for predictions of each, not for figures over all.
+///     Every log whole, whatever others hold of it: for predictions of each, not for figures over
+///     all.
 ///
 /// Warns
 /// -----
@@ -59,8 +62,14 @@ pub fn log_set(py: Python<'_>, given: &Bound<'_, PyAny>) -> PyResult<core::LogSe
 pub fn recordings(given: &Bound<'_, PyAny>) -> PyResult<Vec<core::Recording>> {
     let wrong = |found: &Bound<'_, PyAny>| {
         let found = found.get_type().name().map_or_else(|_| "?".into(), |name| name.to_string());
-        let read = if found == "str" || found.ends_with("Path") { " (`sgpr.read` reads a file)" } else { "" };
-        PyTypeError::new_err(format!("recordings: got {found}, expected a list of Recording or a LogSet{read}"))
+        let read = if found == "str" || found.ends_with("Path") {
+            " (`sgpr.read` reads a file)"
+        } else {
+            ""
+        };
+        PyTypeError::new_err(format!(
+            "recordings: got {found}, expected a list of Recording or a LogSet{read}"
+        ))
     };
     // What it holds was looked at when it was made.
     if let Ok(set) = given.cast::<LogSet>() {
@@ -121,9 +130,9 @@ impl LogSet {
     fn __getitem__(&self, index: isize) -> PyResult<Recording> {
         let index = if index < 0 { index + self.inner.len() as isize } else { index };
         let found = usize::try_from(index).ok().and_then(|index| self.inner.get(index));
-        found
-            .map(|log| log.clone().into())
-            .ok_or_else(|| PyIndexError::new_err(format!("log {index} of a set of {}", self.inner.len())))
+        found.map(|log| log.clone().into()).ok_or_else(|| {
+            PyIndexError::new_err(format!("log {index} of a set of {}", self.inner.len()))
+        })
     }
 
     fn __iter__<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
@@ -141,8 +150,11 @@ impl LogSet {
     }
 
     fn __repr__(&self) -> String {
-        let logs: Vec<String> =
-            self.inner.iter().map(|log| format!("\n  {}, {} samples", log.source(), log.len())).collect();
+        let logs: Vec<String> = self
+            .inner
+            .iter()
+            .map(|log| format!("\n  {}, {} samples", log.source(), log.len()))
+            .collect();
         format!("LogSet of {} logs{}", logs.len(), logs.concat())
     }
 }

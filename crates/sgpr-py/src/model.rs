@@ -31,7 +31,8 @@ type Array<'py> = Bound<'py, PyArrayDyn<f64>>;
 
 /// Torque model of an arm: tau = rigid body(q, dq, ddq) + effects(q, dq, ddq). Never changes.
 ///
-/// Made by `identify` from logs, by `Model.nominal` from a robot file, by `Model.from_parameters`, or read by `load`.
+/// Made by `identify` from logs, by `Model.nominal` from a robot file, by `Model.from_parameters`,
+/// or read by `load`.
 ///
 /// Examples
 /// --------
@@ -56,7 +57,8 @@ impl From<TorqueModel> for Model {
 }
 
 impl Model {
-    /// The torque at the samples of a log, `(N, n)`, and if wished its standard deviation; NaN where stretches are too short.
+    /// The torque at the samples of a log, `(N, n)`, and if wished its standard deviation; NaN
+    /// where stretches are too short.
     fn predict_log<'py>(
         &self,
         py: Python<'py>,
@@ -67,25 +69,39 @@ impl Model {
         let with_torque = match log.torque() {
             Some(_) => log.clone(),
             None => {
-                let (names, time, q) = (log.joint_names().to_vec(), log.time().to_vec(), log.position().to_vec());
+                let (names, time, q) =
+                    (log.joint_names().to_vec(), log.time().to_vec(), log.position().to_vec());
                 let torque = Some(vec![0.0; q.len()]);
-                logs::Recording::new(log.source(), names, time, q, None, torque, log.channels().to_vec())
-                    .map_err(IntoPyErr::into_py_err)?
+                logs::Recording::new(
+                    log.source(),
+                    names,
+                    time,
+                    q,
+                    None,
+                    torque,
+                    log.channels().to_vec(),
+                )
+                .map_err(IntoPyErr::into_py_err)?
             }
         };
-        let found =
-            detached(py, || core::compare(&self.inner, &[with_torque], None)).map_err(IntoPyErr::into_py_err)?;
+        let found = detached(py, || core::compare(&self.inner, &[with_torque], None))
+            .map_err(IntoPyErr::into_py_err)?;
         let mut torque = vec![f64::NAN; log.len() * n];
         let mut deviation = if return_std { torque.clone() } else { Vec::new() };
         for stretch in &found.logs {
             // Stamps increase, as the comparison has asked.
-            let Some(first) = stretch.time().first().and_then(|time| log.time().binary_search(time).ok()) else {
+            let Some(first) =
+                stretch.time().first().and_then(|time| log.time().binary_search(time).ok())
+            else {
                 continue;
             };
             let place = first * n..first * n + stretch.predicted.len();
             torque[place.clone()].copy_from_slice(&stretch.predicted);
             if return_std {
-                let of_stretch = self.inner.standard_deviation_of(&stretch.motion).map_err(IntoPyErr::into_py_err)?;
+                let of_stretch = self
+                    .inner
+                    .standard_deviation_of(&stretch.motion)
+                    .map_err(IntoPyErr::into_py_err)?;
                 deviation[place].copy_from_slice(&of_stretch);
             }
         }
@@ -99,7 +115,11 @@ impl Model {
 
 impl Model {
     /// A model, and how its identification went.
-    pub fn with_report(py: Python<'_>, model: core::TorqueModel, report: core::IdentificationReport) -> PyResult<Self> {
+    pub fn with_report(
+        py: Python<'_>,
+        model: core::TorqueModel,
+        report: core::IdentificationReport,
+    ) -> PyResult<Self> {
         let report = Py::new(py, IdentificationReport::new(py, report)?)?;
         Ok(Self { inner: Arc::new(model), report: Some(report) })
     }
@@ -107,14 +127,16 @@ impl Model {
 
 #[pymethods]
 impl Model {
-    /// The model that the robot file describes: its inertias, and its damping and friction where given.
+    /// The model that the robot file describes: its inertias, and its damping and friction where
+    /// given.
     #[staticmethod]
     fn nominal(py: Python<'_>, robot: &Bound<'_, Robot>) -> Self {
         let robot = &robot.get().inner;
         detached(py, || TorqueModel::nominal(robot)).into()
     }
 
-    /// A model with given parameters: ten per link, then those of `effects`, in the order of `all_parameter_names`.
+    /// A model with given parameters: ten per link, then those of `effects`, in the order of
+    /// `all_parameter_names`.
     ///
     /// Examples
     /// --------
@@ -125,7 +147,8 @@ impl Model {
     /// >>> model.all_parameter_names[-2:]
     /// ['joint_1.Fv', 'joint_2.Fv']
     #[staticmethod]
-    #[pyo3(signature = (robot, parameters, effects=None), text_signature = "(robot, parameters, effects=())")]
+    #[pyo3(signature = (robot, parameters, effects=None), text_signature = "(robot, parameters, \
+         effects=())")]
     fn from_parameters(
         robot: &Bound<'_, Robot>,
         parameters: &Bound<'_, PyAny>,
@@ -145,7 +168,8 @@ impl Model {
         self.inner.robot().clone().into()
     }
 
-    /// The robot with the inertias of the model. They make the right torque; single ones may be such as no body has.
+    /// The robot with the inertias of the model. They make the right torque; single ones may be
+    /// such as no body has.
     #[getter]
     fn identified_robot(&self) -> Robot {
         self.inner.identified_robot().clone().into()
@@ -154,18 +178,24 @@ impl Model {
     /// Effects beside the rigid body that are at every joint; see `terms` for the others.
     #[getter]
     fn effects(&self) -> Vec<String> {
-        self.inner.parameter_set().effects().iter().map(|effect| effect.name().to_string()).collect()
+        self.inner
+            .parameter_set()
+            .effects()
+            .iter()
+            .map(|effect| effect.name().to_string())
+            .collect()
     }
 
-    /// Effects at single sites, with constants and parameters: "effect", "joints", and "parameters" by name as (value,
-    /// standard deviation or None, unit).
+    /// Effects at single sites, with constants and parameters: "effect", "joints", and "parameters"
+    /// by name as (value, standard deviation or None, unit).
     #[getter]
     fn terms<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyDict>>> {
         let robot = self.inner.robot();
         let of_term = |term: &Term| {
             let (dict, parameters) = (PyDict::new(py), PyDict::new(py));
             for parameter in parameters_of(term, robot) {
-                parameters.set_item(&parameter.name, (parameter.value, parameter.std, &parameter.unit))?;
+                parameters
+                    .set_item(&parameter.name, (parameter.value, parameter.std, &parameter.unit))?;
             }
             let joint = term.site.joint().map(|joint| robot.joints()[joint].name.clone());
             dict.set_item("effect", term.effect.name())?;
@@ -186,8 +216,9 @@ impl Model {
         }
     }
 
-    /// Values of all parameters: ten per link, then those of the effects. Where motion reveals only a combination, one
-    /// parameter stands for it and the others keep their values of the robot file.
+    /// Values of all parameters: ten per link, then those of the effects. Where motion reveals only
+    /// a combination, one parameter stands for it and the others keep their values of the robot
+    /// file.
     #[getter]
     fn all_parameters<'py>(slf: &Bound<'py, Self>) -> PyResult<Array<'py>> {
         view(slf, &[slf.get().inner.parameters().len()], |model| model.inner.parameters())
@@ -205,11 +236,12 @@ impl Model {
         self.inner.processing().cloned().map(Processing::from)
     }
 
-    /// What the identification says, or None: "method"; per joint "noise" (N·m), "rows" and "correlation" (rows that
-    /// carry as much as one); "dispersion", by what standard deviations are larger than noise makes them; "half_interval_95", half
-    /// the interval of 95 % of what uncertain parameters make, in their standard deviations; "prior_standard_deviation", that of
-    /// the robot file's bodies, in shares of their values, where the file holds what the logs do not determine, else None;
-    /// "condition", "scaled_condition"; "undetermined" base parameters.
+    /// What the identification says, or None: "method"; per joint "noise" (N·m), "rows" and
+    /// "correlation" (rows that carry as much as one); "dispersion", by what standard deviations
+    /// are larger than noise makes them; "half_interval_95", half the interval of 95 % of what
+    /// uncertain parameters make, in their standard deviations; "prior_standard_deviation", that of
+    /// the robot file's bodies, in shares of their values, where the file holds what the logs do
+    /// not determine, else None; "condition", "scaled_condition"; "undetermined" base parameters.
     #[getter]
     fn fit<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
         let Some(fit) = self.inner.fit() else { return Ok(None) };
@@ -218,7 +250,10 @@ impl Model {
         dict.set_item("noise", array(py, &[fit.noise.len()], fit.noise.clone())?)?;
         let rows = fit.rows.iter().map(|rows| *rows as i64).collect();
         dict.set_item("rows", array::<i64>(py, &[fit.rows.len()], rows)?)?;
-        dict.set_item("correlation", array(py, &[fit.correlation.len()], fit.correlation.clone())?)?;
+        dict.set_item(
+            "correlation",
+            array(py, &[fit.correlation.len()], fit.correlation.clone())?,
+        )?;
         dict.set_item("dispersion", fit.dispersion)?;
         dict.set_item("half_interval_95", fit.half_interval_95)?;
         dict.set_item("prior_standard_deviation", fit.prior_standard_deviation)?;
@@ -228,7 +263,8 @@ impl Model {
         Ok(Some(dict))
     }
 
-    /// How the identification went; only on the model that `identify` returned, not on one that was read from a file.
+    /// How the identification went; only on the model that `identify` returned, not on one that was
+    /// read from a file.
     #[getter]
     fn report(&self, py: Python<'_>) -> Option<Py<IdentificationReport>> {
         self.report.as_ref().map(|report| report.clone_ref(py))
@@ -246,7 +282,8 @@ impl Model {
         self.inner.provenance().history.clone()
     }
 
-    /// How its logs were read, as `sgpr.read` and `Recording.repair` take it; None if nobody noted it.
+    /// How its logs were read, as `sgpr.read` and `Recording.repair` take it; None if nobody noted
+    /// it.
     #[getter]
     fn reading<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
         let text = self.inner.provenance().reading.as_ref();
@@ -261,7 +298,8 @@ impl Model {
     /// >>> model.with_reading({"units": {"position": "deg"}}).reading
     /// {'units': {'position': 'deg'}}
     fn with_reading(&self, py: Python<'_>, reading: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
-        let dumps = |reading| py.import("json")?.call_method1("dumps", (reading,))?.extract::<String>();
+        let dumps =
+            |reading| py.import("json")?.call_method1("dumps", (reading,))?.extract::<String>();
         let text = reading.map(dumps).transpose()?;
         let inner = Arc::new(self.inner.as_ref().clone().with_reading(text));
         Ok(Self { inner, report: self.report.as_ref().map(|report| report.clone_ref(py)) })
@@ -273,7 +311,8 @@ impl Model {
         &self.inner.provenance().library_version
     }
 
-    /// This model and an error model on top of it: the parameters of both added. Also written `model + error`.
+    /// This model and an error model on top of it: the parameters of both added. Also written
+    /// `model + error`.
     ///
     /// Examples
     /// --------
@@ -282,37 +321,62 @@ impl Model {
     /// True
     fn plus(&self, error: &Bound<'_, Self>) -> PyResult<Self> {
         let error = &error.get().inner;
-        let names = |model: &TorqueModel| model.robot().joint_names().map(String::from).collect::<Vec<_>>();
+        let names =
+            |model: &TorqueModel| model.robot().joint_names().map(String::from).collect::<Vec<_>>();
         let (own, others) = (names(&self.inner), names(error));
         if own != others {
-            let message = format!("models of different robots: joints {}, and {}", own.join(", "), others.join(", "));
+            let message = format!(
+                "models of different robots: joints {}, and {}",
+                own.join(", "),
+                others.join(", ")
+            );
             return Err(invalid(message));
         }
         Ok(self.inner.plus(error).into())
     }
 
-    /// This model with an effect on top of it, all parameters refitted. The line that `history` gains says what it brought.
+    /// This model with an effect on top of it, all parameters refitted. The line that `history`
+    /// gains says what it brought.
     ///
     /// Parameters
     /// ----------
     /// finding : Finding or str
-    ///     What `diagnose` found; or an effect by hand, ``torque_ripple@joint_2`` (`diagnose` with ``add`` says more of it).
+    ///     What `diagnose` found; or an effect by hand, ``torque_ripple@joint_2`` (`diagnose` with
+    ///     ``add`` says more of it).
     /// train : list of Recording or LogSet, optional
-    ///     Logs to fit to: for a finding those in which it was found; for an effect by hand they must be given.
+    ///     Logs to fit to: for a finding those in which it was found; for an effect by hand they
+    ///     must be given.
     #[pyo3(signature = (finding, train=None))]
-    fn add(slf: &Bound<'_, Self>, finding: &Bound<'_, PyAny>, train: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
+    fn add(
+        slf: &Bound<'_, Self>,
+        finding: &Bound<'_, PyAny>,
+        train: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
         let py = slf.py();
         match (finding.cast::<Finding>(), train) {
             (Ok(finding), None) => finding.get().added_to(py, slf.get()),
             (Ok(finding), Some(train)) => finding.get().on(train)?.added_to(py, slf.get()),
             (Err(_), Some(train)) => {
                 let text = finding.extract::<String>().map_err(|_| {
-                    pyo3::exceptions::PyTypeError::new_err("finding: expected a Finding, or text such as effect@joint")
+                    pyo3::exceptions::PyTypeError::new_err(
+                        "finding: expected a Finding, or text such as effect@joint",
+                    )
                 })?;
-                let added = crate::diagnosis::diagnose(py, slf, train, None, None, Some(vec![text]), None, None)?;
+                let added = crate::diagnosis::diagnose(
+                    py,
+                    slf,
+                    train,
+                    None,
+                    None,
+                    Some(vec![text]),
+                    None,
+                    None,
+                )?;
                 Ok(added.model())
             }
-            (Err(_), None) => Err(invalid("train: an effect by hand is fitted to logs, which must be given")),
+            (Err(_), None) => {
+                Err(invalid("train: an effect by hand is fitted to logs, which must be given"))
+            }
         }
     }
 
@@ -325,13 +389,13 @@ impl Model {
     /// Parameters
     /// ----------
     /// q : array of shape (N, n) or (n,), or Recording
-    ///     rad (m for prismatic joints). A recording is processed as `compare` does; NaN stands where it is too short for
-    ///     that.
+    ///     rad (m for prismatic joints). A recording is processed as `compare` does; NaN stands
+    ///     where it is too short for that.
     /// dq, ddq : array of the shape of q
     ///     rad/s, rad/s² (m for prismatic joints); not with a recording.
     /// return_std : bool, default False
-    ///     Whether to return the standard deviation too that the uncertainty of the parameters makes; the noise of a
-    ///     single torque, `fit["noise"]`, comes on top of it.
+    ///     Whether to return the standard deviation too that the uncertainty of the parameters
+    ///     makes; the noise of a single torque, `fit["noise"]`, comes on top of it.
     ///
     /// Returns
     /// -------
@@ -350,7 +414,11 @@ impl Model {
         let (dq, ddq) = match (q.cast::<Recording>(), dq, ddq) {
             (Ok(log), None, None) => return self.predict_log(py, &log.get().inner, return_std),
             (Err(_), Some(dq), Some(ddq)) => (dq, ddq),
-            (Ok(_), ..) => return Err(invalid("predict: a recording brings its motion along: give no dq and ddq")),
+            (Ok(_), ..) => {
+                return Err(invalid(
+                    "predict: a recording brings its motion along: give no dq and ddq",
+                ));
+            }
             (Err(_), ..) => return Err(invalid("predict: give q, dq and ddq, or a recording")),
         };
         let samples = Samples::together([("q", q), ("dq", dq), ("ddq", ddq)], n)?;
@@ -360,13 +428,14 @@ impl Model {
         if !return_std {
             return Ok(tau.into_any());
         }
-        let deviation = detached(py, || self.inner.standard_deviation(motion)).map_err(IntoPyErr::into_py_err)?;
+        let deviation = detached(py, || self.inner.standard_deviation(motion))
+            .map_err(IntoPyErr::into_py_err)?;
         let deviation = samples[0].result(py, &[n], deviation)?;
         Ok((tau, deviation).into_pyobject(py)?.into_any())
     }
 
-    /// Standard deviation of the torque along a log of `sgpr.compare`, which the uncertainty of the parameters makes, effects
-    /// with memory, time or constants included.
+    /// Standard deviation of the torque along a log of `sgpr.compare`, which the uncertainty of the
+    /// parameters makes, effects with memory, time or constants included.
     ///
     /// Parameters
     /// ----------
@@ -377,28 +446,37 @@ impl Model {
     /// -------
     /// array of shape (N, n)
     ///     N·m (N).
-    fn standard_deviation<'py>(&self, py: Python<'py>, log: PyRef<'_, LogResidual>) -> PyResult<Array<'py>> {
+    fn standard_deviation<'py>(
+        &self,
+        py: Python<'py>,
+        log: PyRef<'_, LogResidual>,
+    ) -> PyResult<Array<'py>> {
         let n = self.inner.robot().dof();
         let motion = &log.inner.motion;
         if log.dof != n {
             return Err(invalid(format!("the log has {} joints, the model {n}", log.dof)));
         }
-        let deviation = detached(py, || self.inner.standard_deviation_of(motion)).map_err(IntoPyErr::into_py_err)?;
+        let deviation = detached(py, || self.inner.standard_deviation_of(motion))
+            .map_err(IntoPyErr::into_py_err)?;
         array(py, &[motion.len(), n], deviation)
     }
 
-    /// The proof that every link is a body, or None if consistency was not asked for: "links" with "joint", "mass" (kg),
-    /// "centre" (m), "smallest_eigenvalue" of the pseudo-inertia, "relative_eigenvalue" in units of the link's size, and
-    /// "principal_moments" (kg·m²); "active" limits; "cost", what consistency adds to the residual in standard
-    /// deviations of the fit; "residual_percent", how much larger the weighted residual is than without limits (zero if
-    /// noise explains it); "prices", the share of that cost that would be gone without one "limit", dearest first;
-    /// "stages", the "residual_percent" that is left without a "limit" and those before; "kept_out", errors on parts of
-    /// the logs predicted from the others, "unconstrained_percent" and "consistent_percent" of the torque, or None if
-    /// noise explains the cost; "prior_deviation", the relative deviation of the robot file's values; "seconds" in the
-    /// solver.
+    /// The proof that every link is a body, or None if consistency was not asked for: "links" with
+    /// "joint", "mass" (kg), "centre" (m), "smallest_eigenvalue" of the pseudo-inertia,
+    /// "relative_eigenvalue" in units of the link's size, and "principal_moments" (kg·m²); "active"
+    /// limits; "cost", what consistency adds to the residual in standard deviations of the fit;
+    /// "residual_percent", how much larger the weighted residual is than without limits (zero if
+    /// noise explains it); "prices", the share of that cost that would be gone without one "limit",
+    /// dearest first; "stages", the "residual_percent" that is left without a "limit" and those
+    /// before; "kept_out", errors on parts of the logs predicted from the others,
+    /// "unconstrained_percent" and "consistent_percent" of the torque, or None if noise explains
+    /// the cost; "prior_deviation", the relative deviation of the robot file's values; "seconds" in
+    /// the solver.
     #[getter]
     fn certificate<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
-        let Some(certificate) = self.inner.fit().and_then(|fit| fit.consistency.as_ref()) else { return Ok(None) };
+        let Some(certificate) = self.inner.fit().and_then(|fit| fit.consistency.as_ref()) else {
+            return Ok(None);
+        };
         let mut links = Vec::new();
         for link in &certificate.links {
             let dict = PyDict::new(py);
@@ -415,15 +493,22 @@ impl Model {
         dict.set_item("active", &certificate.active)?;
         dict.set_item("cost", certificate.cost)?;
         dict.set_item("seconds", certificate.seconds)?;
-        let prices = certificate.prices.iter().map(|price| of_limit(py, &price.limit, ("share", price.share)));
+        let prices = certificate
+            .prices
+            .iter()
+            .map(|price| of_limit(py, &price.limit, ("share", price.share)));
         dict.set_item("prices", prices.collect::<PyResult<Vec<_>>>()?)?;
         dict.set_item("residual_percent", certificate.residual_percent)?;
         let stages = certificate.stages.iter();
-        let stages = stages.map(|stage| of_limit(py, &stage.limit, ("residual_percent", stage.residual_percent)));
+        let stages = stages
+            .map(|stage| of_limit(py, &stage.limit, ("residual_percent", stage.residual_percent)));
         dict.set_item("stages", stages.collect::<PyResult<Vec<_>>>()?)?;
         let kept_out = certificate.kept_out.map(|errors| {
             let KeptOut { unconstrained_percent, consistent_percent, .. } = errors;
-            let named = [("unconstrained_percent", unconstrained_percent), ("consistent_percent", consistent_percent)];
+            let named = [
+                ("unconstrained_percent", unconstrained_percent),
+                ("consistent_percent", consistent_percent),
+            ];
             named.into_py_dict(py)
         });
         dict.set_item("kept_out", kept_out.transpose()?)?;
@@ -431,11 +516,12 @@ impl Model {
         Ok(Some(dict))
     }
 
-    /// Writes the robot with the inertias of this model as URDF, and with its viscous and Coulomb friction as damping and
-    /// friction in `<dynamics>`: the file `source`, from which the robot was read, everything else as it was.
+    /// Writes the robot with the inertias of this model as URDF, and with its viscous and Coulomb
+    /// friction as damping and friction in `<dynamics>`: the file `source`, from which the robot
+    /// was read, everything else as it was.
     ///
-    /// URDF has no place for rotor inertia, torque offset and other effects. `<dynamics>` of a joint stays as it is where the
-    /// model has no such friction.
+    /// URDF has no place for rotor inertia, torque offset and other effects. `<dynamics>` of a
+    /// joint stays as it is where the model has no such friction.
     ///
     /// Parameters
     /// ----------
@@ -462,8 +548,8 @@ impl Model {
         detached(py, || robot.write_urdf(source, path, &options)).map_err(IntoPyErr::into_py_err)
     }
 
-    /// The model as MJCF for MuJoCo: the tree with its inertias, and rotor inertia, viscous and Coulomb friction as
-    /// armature, damping and frictionloss.
+    /// The model as MJCF for MuJoCo: the tree with its inertias, and rotor inertia, viscous and
+    /// Coulomb friction as armature, damping and frictionloss.
     ///
     /// Raises
     /// ------
@@ -478,21 +564,23 @@ impl Model {
         self.inner.to_mjcf().map_err(IntoPyErr::into_py_err)
     }
 
-    /// The model one sample after the other, for a control loop: hidden states, times and delays are carried from call to
-    /// call.
+    /// The model one sample after the other, for a control loop: hidden states, times and delays
+    /// are carried from call to call.
     ///
     /// Parameters
     /// ----------
     /// rate_hz : float, optional
-    ///     Rate of the calls. Effects of time, delays, lags, elastic joints and play, and links that ring need it.
+    ///     Rate of the calls. Effects of time, delays, lags, elastic joints and play, and links
+    ///     that ring need it.
     /// purpose : {"expected_measurement", "feed_forward"}
-    ///     "expected_measurement" is all of the model, what the log would show, and what `predict` and `compare` look at: the
-    ///     default. "feed_forward" is what the arm needs, for a controller: without errors of the measurement (gain,
-    ///     delay, lag, limit, offset and their drift) and without what was there for a while (contact, payload
-    ///     change). The page of each effect in docs/effects says which it is, and why.
+    ///     "expected_measurement" is all of the model, what the log would show, and what `predict`
+    ///     and `compare` look at: the default. "feed_forward" is what the arm needs, for a
+    ///     controller: without errors of the measurement (gain, delay, lag, limit, offset and their
+    ///     drift) and without what was there for a while (contact, payload change). The page of
+    ///     each effect in docs/effects says which it is, and why.
     /// keep : list of str, optional
-    ///     Names of effects that a feed-forward torque holds all the same: ["torque_offset"] if the offset is a spring
-    ///     or a hose.
+    ///     Names of effects that a feed-forward torque holds all the same: ["torque_offset"] if the
+    ///     offset is a spring or a hose.
     ///
     /// Returns
     /// -------
@@ -513,15 +601,18 @@ impl Model {
         keep: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Predictor> {
         let stream = stream_options(rate_hz, purpose, keep)?;
-        let inner = detached(py, || self.inner.predictor(&stream)).map_err(IntoPyErr::into_py_err)?;
+        let inner =
+            detached(py, || self.inner.predictor(&stream)).map_err(IntoPyErr::into_py_err)?;
         Ok(Predictor { inner: Mutex::new(inner), dof: self.inner.robot().dof(), stream })
     }
 
-    /// Writes the model as one source file that needs no library, for a controller; it is complete or not there.
+    /// Writes the model as one source file that needs no library, for a controller; it is complete
+    /// or not there.
     ///
-    /// The file holds the robot unrolled into its formulas, the effects with their hidden states in one structure, and
-    /// functions to reset it and to get the torque of the next sample. The torque is that of `predictor` with the same
-    /// options, called once per period (compared over all effects of the library, to 1e-12 of the largest torque).
+    /// The file holds the robot unrolled into its formulas, the effects with their hidden states in
+    /// one structure, and functions to reset it and to get the torque of the next sample. The
+    /// torque is that of `predictor` with the same options, called once per period (compared over
+    /// all effects of the library, to 1e-12 of the largest torque).
     ///
     /// Parameters
     /// ----------
@@ -530,8 +621,9 @@ impl Model {
     /// path : str or Path
     ///     The file; its folder is made if need be.
     /// precision : {"double", "single"}
-    ///     Width of its numbers: 64 bits, or 32 for processors that compute with no others (to 2e-6 of the largest torque,
-    ///     motion and torque in 32 bits). Times of the session have 64 bits in both.
+    ///     Width of its numbers: 64 bits, or 32 for processors that compute with no others (to 2e-6
+    ///     of the largest torque, motion and torque in 32 bits). Times of the session have 64 bits
+    ///     in both.
     /// name : str, optional
     ///     What names in a C file begin with, after `sgpr_`; by default the robot's name.
     /// rate_hz, purpose, keep
@@ -572,8 +664,8 @@ impl Model {
         detached(py, || self.inner.export_to(path, &options)).map_err(IntoPyErr::into_py_err)
     }
 
-    /// Writes the model to a file, whose folder is made if need be; the file is complete or not there. `load` reads it back
-    /// to the bit.
+    /// Writes the model to a file, whose folder is made if need be; the file is complete or not
+    /// there. `load` reads it back to the bit.
     fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
         py.import("sgpr._files")?.call_method1("make_folder_of", (&path,))?;
         detached(py, || self.inner.save(path)).map_err(IntoPyErr::into_py_err)
@@ -587,18 +679,29 @@ impl Model {
     /// >>> figure = sgpr.identify(robot, [log]).plot([log])
     /// >>> len(figure.data)
     /// 12
-    fn plot<'py>(slf: &Bound<'py, Self>, recordings: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
+    fn plot<'py>(
+        slf: &Bound<'py, Self>,
+        recordings: &Bound<'py, PyAny>,
+    ) -> PyResult<Bound<'py, PyAny>> {
         slf.py().import("sgpr._views")?.call_method1("plot_model", (slf, recordings))
     }
 
-    /// Writes the page of `sgpr compare` for these logs: errors, what they depend on, measured and predicted torque.
+    /// Writes the page of `sgpr compare` for these logs: errors, what they depend on, measured and
+    /// predicted torque.
     ///
     /// Examples
     /// --------
     /// >>> robot, log = sgpr.Robot.from_urdf("robot.urdf"), sgpr.read("train.csv.gz")
     /// >>> sgpr.identify(robot, [log]).save_report("out/page.html", [log])
-    fn save_report(slf: &Bound<'_, Self>, path: PathBuf, recordings: &Bound<'_, PyAny>) -> PyResult<()> {
-        slf.py().import("sgpr._pages")?.call_method1("model_page", (slf, path, recordings)).map(drop)
+    fn save_report(
+        slf: &Bound<'_, Self>,
+        path: PathBuf,
+        recordings: &Bound<'_, PyAny>,
+    ) -> PyResult<()> {
+        slf.py()
+            .import("sgpr._pages")?
+            .call_method1("model_page", (slf, path, recordings))
+            .map(drop)
     }
 
     fn _repr_html_<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
@@ -620,10 +723,14 @@ impl Model {
     #[staticmethod]
     #[pyo3(signature = (data, *, origin="bytes"))]
     fn from_bytes(data: &[u8], origin: &str) -> PyResult<Self> {
-        TorqueModel::from_bytes_with(data, origin, &known_effects()).map(Self::from).map_err(IntoPyErr::into_py_err)
+        TorqueModel::from_bytes_with(data, origin, &known_effects())
+            .map(Self::from)
+            .map_err(IntoPyErr::into_py_err)
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, (Bound<'py, PyBytes>,))> {
+    fn __reduce__<'py>(
+        slf: &Bound<'py, Self>,
+    ) -> PyResult<(Bound<'py, PyAny>, (Bound<'py, PyBytes>,))> {
         Ok((slf.get_type().getattr("from_bytes")?, (slf.get().to_bytes(slf.py()),)))
     }
 
@@ -631,7 +738,9 @@ impl Model {
         let model = &self.inner;
         let mut effects = self.effects();
         effects.extend(model.terms().iter().map(|term| match term.site.joint() {
-            Some(joint) => format!("{} at {}", term.effect.name(), model.robot().joints()[joint].name),
+            Some(joint) => {
+                format!("{} at {}", term.effect.name(), model.robot().joints()[joint].name)
+            }
             None => term.effect.name().to_string(),
         }));
         let effects = if effects.is_empty() { "no effects".into() } else { effects.join(", ") };
@@ -649,15 +758,19 @@ impl Model {
 }
 
 /// A limit and what a certificate says of it.
-fn of_limit<'py>(py: Python<'py>, limit: &str, (name, value): (&str, f64)) -> PyResult<Bound<'py, PyDict>> {
+fn of_limit<'py>(
+    py: Python<'py>,
+    limit: &str,
+    (name, value): (&str, f64),
+) -> PyResult<Bound<'py, PyDict>> {
     let dict = PyDict::new(py);
     dict.set_item("limit", limit)?;
     dict.set_item(name, value)?;
     Ok(dict)
 }
 
-/// Reads a model file. Safe with files from strangers: nothing in them is run. A model with an effect of your own is
-/// read if the effect was given to `register_effect`.
+/// Reads a model file. Safe with files from strangers: nothing in them is run. A model with an
+/// effect of your own is read if the effect was given to `register_effect`.
 ///
 /// Raises
 /// ------
@@ -673,7 +786,9 @@ fn of_limit<'py>(py: Python<'py>, limit: &str, (name, value): (&str, f64)) -> Py
 /// 2
 #[pyfunction]
 pub fn load(py: Python<'_>, path: PathBuf) -> PyResult<Model> {
-    detached(py, || TorqueModel::load_with(path, &known_effects())).map(Model::from).map_err(IntoPyErr::into_py_err)
+    detached(py, || TorqueModel::load_with(path, &known_effects()))
+        .map(Model::from)
+        .map_err(IntoPyErr::into_py_err)
 }
 
 /// One base parameter of a model.
@@ -687,7 +802,8 @@ pub struct Parameter {
     unit: &'static str,
     /// Value in the model.
     value: f64,
-    /// Standard deviation; infinite if the motion does not determine it, None for a model that was not identified.
+    /// Standard deviation; infinite if the motion does not determine it, None for a model that was
+    /// not identified.
     standard_deviation: Option<f64>,
     /// The same in percent of the value.
     relative_standard_deviation: Option<f64>,
@@ -696,15 +812,32 @@ pub struct Parameter {
 }
 
 impl Parameter {
-    const FIELDS: [&str; 7] =
-        ["name", "expression", "unit", "value", "standard_deviation", "relative_standard_deviation", "nominal"];
+    const FIELDS: [&str; 7] = [
+        "name",
+        "expression",
+        "unit",
+        "value",
+        "standard_deviation",
+        "relative_standard_deviation",
+        "nominal",
+    ];
 }
 
 impl From<&BaseParameter> for Parameter {
     fn from(row: &BaseParameter) -> Self {
-        let BaseParameter { name, expression, unit, value, standard_deviation, nominal, .. } = row.clone();
-        let relative_standard_deviation = standard_deviation.map(|deviation| 100.0 * deviation / value.abs());
-        Self { name, expression, unit, value, standard_deviation, relative_standard_deviation, nominal }
+        let BaseParameter { name, expression, unit, value, standard_deviation, nominal, .. } =
+            row.clone();
+        let relative_standard_deviation =
+            standard_deviation.map(|deviation| 100.0 * deviation / value.abs());
+        Self {
+            name,
+            expression,
+            unit,
+            value,
+            standard_deviation,
+            relative_standard_deviation,
+            nominal,
+        }
     }
 }
 
@@ -713,12 +846,16 @@ impl Parameter {
     /// What `dataclasses.asdict` and pandas read of a row.
     #[classattr]
     fn __dataclass_fields__(py: Python<'_>) -> PyResult<Bound<'_, PyAny>> {
-        let row = py.import("dataclasses")?.call_method1("make_dataclass", ("Parameter", Self::FIELDS))?;
+        let row = py
+            .import("dataclasses")?
+            .call_method1("make_dataclass", ("Parameter", Self::FIELDS))?;
         row.getattr("__dataclass_fields__")
     }
 
     fn __repr__(&self) -> String {
-        let spread = self.standard_deviation.map_or(String::new(), |deviation| format!(" ± {}", figure(deviation)));
+        let spread = self
+            .standard_deviation
+            .map_or(String::new(), |deviation| format!(" ± {}", figure(deviation)));
         format!("Parameter({} = {}{spread} {})", self.name, figure(self.value), self.unit)
     }
 }
@@ -740,7 +877,11 @@ pub struct Parameters {
 }
 
 impl Parameters {
-    fn column<'py>(&self, py: Python<'py>, select: fn(&BaseParameter) -> f64) -> PyResult<Array<'py>> {
+    fn column<'py>(
+        &self,
+        py: Python<'py>,
+        select: fn(&BaseParameter) -> f64,
+    ) -> PyResult<Array<'py>> {
         array(py, &[self.rows.len()], self.rows.iter().map(select).collect())
     }
 }
@@ -771,7 +912,8 @@ impl Parameters {
         self.column(py, |row| row.value)
     }
 
-    /// Standard deviations, (rank,); infinite where the motion says nothing, NaN for a model that was not identified.
+    /// Standard deviations, (rank,); infinite where the motion says nothing, NaN for a model that
+    /// was not identified.
     #[getter]
     fn standard_deviations<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
         self.column(py, |row| row.standard_deviation.unwrap_or(f64::NAN))
@@ -798,14 +940,18 @@ impl Parameters {
         if let Ok(name) = key.extract::<String>() {
             let row = self.rows.iter().find(|row| row.name == name);
             let close = || sgpr_core::names::suggestion(&name, &self.names());
-            return row.map(Parameter::from).ok_or_else(|| PyKeyError::new_err(format!("{name}{}", close())));
+            return row
+                .map(Parameter::from)
+                .ok_or_else(|| PyKeyError::new_err(format!("{name}{}", close())));
         }
         let length = self.rows.len() as isize;
-        let index: isize =
-            key.extract().map_err(|_| PyTypeError::new_err("parameters are counted from 0 or known by name"))?;
+        let index: isize = key
+            .extract()
+            .map_err(|_| PyTypeError::new_err("parameters are counted from 0 or known by name"))?;
         let place = if index < 0 { index + length } else { index };
         let row = usize::try_from(place).ok().and_then(|place| self.rows.get(place));
-        row.map(Parameter::from).ok_or_else(|| PyIndexError::new_err(format!("{index} of {length} parameters")))
+        row.map(Parameter::from)
+            .ok_or_else(|| PyIndexError::new_err(format!("{index} of {length} parameters")))
     }
 
     fn __iter__<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
@@ -837,11 +983,15 @@ impl Parameters {
 
     fn __repr__(&self) -> String {
         let width = self.rows.iter().map(|row| row.name.chars().count()).max().unwrap_or(0);
-        let mut text = format!("{:width$} {:>12} {:>10} {:>12}  unit", "parameter", "value", "std", "nominal");
+        let mut text =
+            format!("{:width$} {:>12} {:>10} {:>12}  unit", "parameter", "value", "std", "nominal");
         for row in &self.rows {
             let spread = row.standard_deviation.map_or("-".into(), figure);
             let (value, nominal) = (figure(row.value), figure(row.nominal));
-            text += &format!("\n{:width$} {value:>12} {spread:>10} {nominal:>12}  {}", row.name, row.unit);
+            text += &format!(
+                "\n{:width$} {value:>12} {spread:>10} {nominal:>12}  {}",
+                row.name, row.unit
+            );
         }
         text
     }
@@ -849,7 +999,13 @@ impl Parameters {
     fn _repr_html_(&self) -> String {
         let cells = self.rows.iter().map(|row| {
             let spread = row.standard_deviation.map_or("-".into(), figure);
-            vec![row.expression.clone(), figure(row.value), spread, figure(row.nominal), row.unit.to_string()]
+            vec![
+                row.expression.clone(),
+                figure(row.value),
+                spread,
+                figure(row.nominal),
+                row.unit.to_string(),
+            ]
         });
         html_table(&["parameter", "value", "standard deviation", "nominal", "unit"], cells)
     }
@@ -909,16 +1065,21 @@ impl Processing {
     /// Speed below which each joint counts as standing, (n,), rad/s (m/s).
     #[getter]
     fn standstill_speed<'py>(slf: &Bound<'py, Self>) -> PyResult<Array<'py>> {
-        view(slf, &[slf.get().inner.standstill_speed.len()], |processing| &processing.inner.standstill_speed)
+        view(slf, &[slf.get().inner.standstill_speed.len()], |processing| {
+            &processing.inner.standstill_speed
+        })
     }
 
-    /// Samples at one sampling rate by which the filters reach over the end of a piece of a log, to fifteen digits.
+    /// Samples at one sampling rate by which the filters reach over the end of a piece of a log, to
+    /// fifteen digits.
     fn reach(&self, rate_hz: f64) -> PyResult<usize> {
-        self.inner.reach(crate::convert::positive("rate_hz", rate_hz)?).map_err(IntoPyErr::into_py_err)
+        self.inner
+            .reach(crate::convert::positive("rate_hz", rate_hz)?)
+            .map_err(IntoPyErr::into_py_err)
     }
 
-    /// Torques in the band of the equations, the torque of a log through their filter, forwards and backwards: what errors
-    /// are counted in.
+    /// Torques in the band of the equations, the torque of a log through their filter, forwards and
+    /// backwards: what errors are counted in.
     ///
     /// Parameters
     /// ----------
@@ -936,7 +1097,12 @@ impl Processing {
     /// ------
     /// SgprError
     ///     If the stretch is shorter than the filter, or the rate cannot hold its cut-off.
-    fn in_band<'py>(&self, py: Python<'py>, torque: &Bound<'py, PyAny>, rate_hz: f64) -> PyResult<Array<'py>> {
+    fn in_band<'py>(
+        &self,
+        py: Python<'py>,
+        torque: &Bound<'py, PyAny>,
+        rate_hz: f64,
+    ) -> PyResult<Array<'py>> {
         let rate_hz = crate::convert::positive("rate_hz", rate_hz)?;
         let torque = Numbers::new("torque", torque)?.finite()?;
         let shape = torque.shape().to_vec();
@@ -971,7 +1137,8 @@ impl Processing {
     }
 
     fn __repr__(&self) -> String {
-        let band = self.inner.torque_cutoff_hz.map_or("unfiltered".into(), |hz| format!("{hz:.2} Hz"));
+        let band =
+            self.inner.torque_cutoff_hz.map_or("unfiltered".into(), |hz| format!("{hz:.2} Hz"));
         format!(
             "Processing(position {:.2} Hz, order {}, {}; equation {band}, every {} rows)",
             self.inner.cutoff_hz,
@@ -982,7 +1149,8 @@ impl Processing {
     }
 }
 
-/// Position and speed of `dof` joints at which a predictor starts; `None` for rest at the next sample.
+/// Position and speed of `dof` joints at which a predictor starts; `None` for rest at the next
+/// sample.
 ///
 /// - `time`: that of the session at the next sample, s, which must be finite
 pub fn start_of_stream(
@@ -994,12 +1162,16 @@ pub fn start_of_stream(
     if !time.is_finite() {
         return Err(invalid(format!("time: got {time}, expected a finite number")));
     }
-    let one = |name, value| Ok::<_, PyErr>(Numbers::new(name, value)?.shaped(&[dof])?.finite()?.values().to_vec());
+    let one = |name, value| {
+        Ok::<_, PyErr>(Numbers::new(name, value)?.shaped(&[dof])?.finite()?.values().to_vec())
+    };
     let q = q.map(|q| one("q", q)).transpose()?;
     let dq = dq.map(|dq| one("dq", dq)).transpose()?;
     match (q, dq) {
         (None, None) => Ok(None),
-        (None, Some(_)) => Err(invalid("reset: a speed needs the position that goes with it: give q")),
+        (None, Some(_)) => {
+            Err(invalid("reset: a speed needs the position that goes with it: give q"))
+        }
         (Some(q), dq) => Ok(Some((q, dq.unwrap_or_else(|| vec![0.0; dof])))),
     }
 }
@@ -1013,21 +1185,28 @@ pub fn temperatures(dof: usize, celsius: &Bound<'_, PyAny>) -> PyResult<Vec<f64>
 }
 
 /// How a model is streamed, from the keywords of `predictor`.
-pub fn stream_options(rate_hz: Option<f64>, purpose: &str, keep: Option<&Bound<'_, PyAny>>) -> PyResult<StreamOptions> {
-    let purpose = purpose.parse().map_err(|error: core::UnknownPurpose| invalid(error.to_string()))?;
+pub fn stream_options(
+    rate_hz: Option<f64>,
+    purpose: &str,
+    keep: Option<&Bound<'_, PyAny>>,
+) -> PyResult<StreamOptions> {
+    let purpose =
+        purpose.parse().map_err(|error: core::UnknownPurpose| invalid(error.to_string()))?;
     let keep = keep.map(|names| texts("keep", names)).transpose()?.unwrap_or_default();
     Ok(StreamOptions::default().with_rate_hz(rate_hz).with_purpose(purpose).with_keep(keep))
 }
 
 /// One sample after the other, for a control loop. One per thread.
 ///
-/// Effects with a memory carry it from call to call: after `reset` the torques are those of a trajectory that starts at
-/// rest at the first sample. A call allocates nothing but the array it returns, and not even that with `out`; effects of
-/// your own are the exception: they are called with arrays of one row.
+/// Effects with a memory carry it from call to call: after `reset` the torques are those of a
+/// trajectory that starts at rest at the first sample. A call allocates nothing but the array it
+/// returns, and not even that with `out`; effects of your own are the exception: they are called
+/// with arrays of one row.
 ///
-/// Not causal along a trajectory, and therefore only nearly the same here: elastic joints and play (their link motion is
-/// differentiated from the samples before), a delay of less than a period, and a torque that is logged early, which is that
-/// of the motion extrapolated by that time. docs/effects says for each effect how it is streamed.
+/// Not causal along a trajectory, and therefore only nearly the same here: elastic joints and play
+/// (their link motion is differentiated from the samples before), a delay of less than a period,
+/// and a torque that is logged early, which is that of the motion extrapolated by that time.
+/// docs/effects says for each effect how it is streamed.
 ///
 /// Examples
 /// --------
@@ -1058,7 +1237,8 @@ impl Predictor {
         self.stream.rate_hz
     }
 
-    /// Time of the session at the last sample, s; at the next one, if that is the first since a reset.
+    /// Time of the session at the last sample, s; at the next one, if that is the first since a
+    /// reset.
     #[getter]
     fn time(&self) -> f64 {
         self.lock().time()
@@ -1069,10 +1249,12 @@ impl Predictor {
     /// Parameters
     /// ----------
     /// q, dq : array of shape (n,), optional
-    ///     Where the arm is, and how fast: hidden states are those after a long motion at this speed, those of rest for a
-    ///     joint without speed. By default all start at rest at the next sample.
+    ///     Where the arm is, and how fast: hidden states are those after a long motion at this
+    ///     speed, those of rest for a joint without speed. By default all start at rest at the next
+    ///     sample.
     /// time : float
-    ///     Time of the session at the next sample, s, for effects of time: zero is the start of the model's first log.
+    ///     Time of the session at the next sample, s, for effects of time: zero is the start of the
+    ///     model's first log.
     ///
     /// Examples
     /// --------
@@ -1081,7 +1263,12 @@ impl Predictor {
     /// >>> predictor.time
     /// 12.0
     #[pyo3(signature = (q=None, dq=None, *, time=0.0))]
-    fn reset(&self, q: Option<&Bound<'_, PyAny>>, dq: Option<&Bound<'_, PyAny>>, time: f64) -> PyResult<()> {
+    fn reset(
+        &self,
+        q: Option<&Bound<'_, PyAny>>,
+        dq: Option<&Bound<'_, PyAny>>,
+        time: f64,
+    ) -> PyResult<()> {
         let start = start_of_stream(self.dof, q, dq, time)?;
         let mut predictor = self.lock();
         match start {
@@ -1102,7 +1289,8 @@ impl Predictor {
         self.lock().set_temperature(&all).map_err(IntoPyErr::into_py_err)
     }
 
-    /// Torque at the next sample, (n,), N·m (N), in `out` if given; moves the hidden states on by one step.
+    /// Torque at the next sample, (n,), N·m (N), in `out` if given; moves the hidden states on by
+    /// one step.
     ///
     /// Parameters
     /// ----------
@@ -1116,8 +1304,8 @@ impl Predictor {
     /// Raises
     /// ------
     /// SgprError
-    ///     If an array has another shape or holds a number that is not finite, or a temperature is missing. The hidden states
-    ///     stay as they are.
+    ///     If an array has another shape or holds a number that is not finite, or a temperature is
+    ///     missing. The hidden states stay as they are.
     #[pyo3(signature = (q, dq, ddq, out=None, *, step=None))]
     fn torque<'py>(
         &self,
@@ -1129,13 +1317,18 @@ impl Predictor {
     ) -> PyResult<Bound<'py, PyArray1<f64>>> {
         let py = q.py();
         let of_numbers = |out: Bound<'py, PyAny>| {
-            out.cast_into::<PyArray1<f64>>().map_err(|_| PyTypeError::new_err("out: expected an array (n,) of float64"))
+            out.cast_into::<PyArray1<f64>>()
+                .map_err(|_| PyTypeError::new_err("out: expected an array (n,) of float64"))
         };
         let out = out.map(of_numbers).transpose()?;
         if let Some(out) = &out {
             // Before anything moves on.
             if out.shape() != [self.dof] {
-                return Err(invalid(format!("out: got ({},), expected ({},)", out.len(), self.dof)));
+                return Err(invalid(format!(
+                    "out: got ({},), expected ({},)",
+                    out.len(),
+                    self.dof
+                )));
             }
             if !out.is_contiguous() {
                 return Err(invalid("out: expected a contiguous array"));
@@ -1153,8 +1346,10 @@ impl Predictor {
         drop((q, dq, ddq));
         let Some(out) = out else { return Ok(PyArray1::from_slice(py, tau)) };
         {
-            let mut target = out.try_readwrite().map_err(|error| invalid(format!("out: {error}")))?;
-            let target = target.as_slice_mut().map_err(|_| invalid("out: expected a contiguous array"))?;
+            let mut target =
+                out.try_readwrite().map_err(|error| invalid(format!("out: {error}")))?;
+            let target =
+                target.as_slice_mut().map_err(|_| invalid("out: expected a contiguous array"))?;
             target.copy_from_slice(tau);
         }
         Ok(out)

@@ -16,11 +16,13 @@ use crate::simulation::models;
 
 type Array<'py> = Bound<'py, PyArrayDyn<f64>>;
 
-/// An identified model that follows what changes while the arm runs: a payload picked up, and a rest.
+/// An identified model that follows what changes while the arm runs: a payload picked up, and a
+/// rest.
 ///
-/// tau = model + payload + process. The ten inertial parameters of what a link holds are estimated recursively, with a
-/// memory that fades towards "none"; a Gaussian process with a budget of points learns what is left over. Call `update`
-/// once per control period, then `torque` for the feed-forward.
+/// tau = model + payload + process. The ten inertial parameters of what a link holds are estimated
+/// recursively, with a memory that fades towards "none"; a Gaussian process with a budget of points
+/// learns what is left over. Call `update` once per control period, then `torque` for the
+/// feed-forward.
 ///
 /// Parameters
 /// ----------
@@ -36,12 +38,14 @@ type Array<'py> = Bound<'py, PyArrayDyn<f64>>;
 /// memory : float
 ///     Time over which old samples fade to a third, s.
 /// noise : array of shape (n,), optional
-///     Standard deviation of what the model leaves over without a payload, N·m; that of the identification by default.
+///     Standard deviation of what the model leaves over without a payload, N·m; that of the
+///     identification by default.
 /// points : int
 ///     Budget of the process.
 /// novelty : float
-///     A sample of which the points leave less than this share of the variance unexplained is at a known place: it takes
-///     the place of the point most like it once that is 0.1 s old. Any other takes a new place, or that of the oldest.
+///     A sample of which the points leave less than this share of the variance unexplained is at a
+///     known place: it takes the place of the point most like it once that is 0.1 s old. Any other
+///     takes a new place, or that of the oldest.
 /// process_memory : float
 ///     Time after which a point is forgotten, s.
 /// period : float
@@ -75,7 +79,9 @@ impl OnlineModel {
     #[new]
     #[pyo3(signature = (robot, model=None, *, payload=true, process=true, link=None, mass=5.0, radius=0.2, memory=0.3,
         noise=None, points=None, novelty=0.03, process_memory=2.0, period=1e-3, cutoff_hz=10.0, standstill_speed=0.02),
-        text_signature = "(robot, model=None, *, payload=True, process=True, link=None, mass=5.0, radius=0.2, memory=0.3, noise=None, points=100, novelty=0.03, process_memory=2.0, period=0.001, cutoff_hz=10.0, standstill_speed=0.02)")]
+        text_signature = "(robot, model=None, *, payload=True, process=True, link=None, mass=5.0, \
+             radius=0.2, memory=0.3, noise=None, points=100, novelty=0.03, process_memory=2.0, \
+             period=0.001, cutoff_hz=10.0, standstill_speed=0.02)")]
     #[expect(clippy::too_many_arguments, reason = "one for each Python keyword")]
     fn new(
         robot: &Bound<'_, Robot>,
@@ -112,7 +118,8 @@ impl OnlineModel {
                     .with_memory(memory),
             ),
         };
-        let points = points.map_or(Ok(Budget::default().points), |value| whole("points", value, 1..2001))?;
+        let points =
+            points.map_or(Ok(Budget::default().points), |value| whole("points", value, 1..2001))?;
         let period = positive("period", period)?;
         let samples = |seconds: f64| (seconds / period).round() as u64;
         let budget = Budget::default()
@@ -158,20 +165,30 @@ impl OnlineModel {
         let one = |name, value| Numbers::new(name, value)?.shaped(&[self.dof])?.finite();
         let (q, dq, ddq) = (one("q", q)?, one("dq", dq)?, one("ddq", ddq)?);
         let mut inner = self.lock();
-        let tau = inner.torque(q.values(), dq.values(), ddq.values()).map_err(IntoPyErr::into_py_err)?.to_vec();
+        let tau = inner
+            .torque(q.values(), dq.values(), ddq.values())
+            .map_err(IntoPyErr::into_py_err)?
+            .to_vec();
         array(py, &[self.dof], tau)
     }
 
-    /// m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz of what the link holds, (10,); None if it is not followed.
+    /// m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz of what the link holds, (10,); None if it is not
+    /// followed.
     #[getter]
     fn payload<'py>(&self, py: Python<'py>) -> PyResult<Option<Array<'py>>> {
-        self.lock().payload().map(|payload| array(py, &[10], payload.parameters().to_vec())).transpose()
+        self.lock()
+            .payload()
+            .map(|payload| array(py, &[10], payload.parameters().to_vec()))
+            .transpose()
     }
 
     /// Standard deviations of the payload's parameters, (10,); None if it is not followed.
     #[getter]
     fn payload_std<'py>(&self, py: Python<'py>) -> PyResult<Option<Array<'py>>> {
-        self.lock().payload().map(|payload| array(py, &[10], payload.standard_deviations().to_vec())).transpose()
+        self.lock()
+            .payload()
+            .map(|payload| array(py, &[10], payload.standard_deviations().to_vec()))
+            .transpose()
     }
 
     /// Points of the process at the moment.
@@ -198,15 +215,16 @@ fn noise(
     let fitted = identified.and_then(|model| model.get().inner.fit().map(|fit| fit.noise.clone()));
     fitted.ok_or_else(|| {
         invalid(
-            "noise: the model was not identified here; give what it leaves over without a payload, one N·m per joint",
+            "noise: the model was not identified here; give what it leaves over without a payload, \
+             one N·m per joint",
         )
     })
 }
 
 /// A Gaussian process whose points come and go: the Cholesky factor is updated, not computed again.
 ///
-/// Hyperparameters stay as they are given. A measurement replaces the point most like it, or the oldest one once the
-/// budget is used up, so that what changes is followed.
+/// Hyperparameters stay as they are given. A measurement replaces the point most like it, or the
+/// oldest one once the budget is used up, so that what changes is followed.
 ///
 /// Parameters
 /// ----------
@@ -219,7 +237,8 @@ fn noise(
 /// novelty : float
 ///     As in `OnlineModel`.
 /// refresh, memory : int
-///     Measurements after which a point at a known place is replaced, and after which any point is forgotten.
+///     Measurements after which a point at a known place is replaced, and after which any point is
+///     forgotten.
 ///
 /// Examples
 /// --------
@@ -261,9 +280,13 @@ impl OnlineGaussianProcess {
             return Err(invalid("inputs, outputs: at least one of each"));
         }
         let kernel = kernel.get().inner.clone();
-        let budget =
-            Budget::default().with_points(points).with_novelty(novelty).with_refresh(refresh).with_memory(memory);
-        let inner = core::OnlineGaussianProcess::new(kernel, inputs, outputs, noise_variance, budget);
+        let budget = Budget::default()
+            .with_points(points)
+            .with_novelty(novelty)
+            .with_refresh(refresh)
+            .with_memory(memory);
+        let inner =
+            core::OnlineGaussianProcess::new(kernel, inputs, outputs, noise_variance, budget);
         Ok(Self { inner: Mutex::new(inner.map_err(IntoPyErr::into_py_err)?), inputs, outputs })
     }
 
@@ -293,7 +316,12 @@ impl OnlineGaussianProcess {
     /// std : float
     ///     If asked for; the same for all outputs.
     #[pyo3(signature = (x, return_std=false))]
-    fn predict<'py>(&self, py: Python<'py>, x: &Bound<'py, PyAny>, return_std: bool) -> PyResult<Bound<'py, PyAny>> {
+    fn predict<'py>(
+        &self,
+        py: Python<'py>,
+        x: &Bound<'py, PyAny>,
+        return_std: bool,
+    ) -> PyResult<Bound<'py, PyAny>> {
         let x = Numbers::new("x", x)?.shaped(&[self.inputs])?.finite()?;
         let mut inner = self.lock();
         let (mean, variance) = inner.mean_and_variance(x.values());

@@ -120,8 +120,9 @@ impl DriveGains {
 
     fn __repr__(&self) -> String {
         let pairs = self.inner.gains.iter().zip(&self.inner.standard_deviations);
-        let gains: Vec<String> =
-            pairs.map(|(gain, spread)| format!("{} ± {}", figure(*gain), figure(*spread))).collect();
+        let gains: Vec<String> = pairs
+            .map(|(gain, spread)| format!("{} ± {}", figure(*gain), figure(*spread)))
+            .collect();
         format!("DriveGains({})", gains.join(", "))
     }
 }
@@ -142,22 +143,25 @@ fn without(options: Option<&Bound<'_, PyDict>>, meaningless: &[&str]) -> PyResul
     for (key, value) in options.into_iter().flatten() {
         let key: String = key.extract()?;
         if meaningless.contains(&key.as_str()) && !value.is_none() {
-            return Err(invalid(format!("{key}: has no meaning here; all logs are taken at once, by one method")));
+            return Err(invalid(format!(
+                "{key}: has no meaning here; all logs are taken at once, by one method"
+            )));
         }
     }
     Ok(())
 }
 
 /// Options of `identify` that say how its parameters are estimated.
-const ESTIMATION: [&str; 8] = ["method", "noise", "essential", "uncertainty", "start", "instruments", "kp", "kd"];
+const ESTIMATION: [&str; 8] =
+    ["method", "noise", "essential", "uncertainty", "start", "instruments", "kp", "kd"];
 
 /// Options of `identify` that say which bodies links may be.
 const BODIES: [&str; 3] = ["prior", "prior_deviation", "bounds"];
 
 /// Identifies a payload from recordings without and with it.
 ///
-/// Arm and payload are estimated from all recordings together, so the covariance of the payload knows what is not known
-/// of the arm.
+/// Arm and payload are estimated from all recordings together, so the covariance of the payload
+/// knows what is not known of the arm.
 ///
 /// Parameters
 /// ----------
@@ -171,7 +175,8 @@ const BODIES: [&str; 3] = ["prior", "prior_deviation", "bounds"];
 /// consistent : bool, default True
 ///     Whether the payload is to be a body.
 /// **options
-///     `effects` and conditioning as in `identify`; what says how its parameters are estimated is refused.
+///     `effects` and conditioning as in `identify`; what says how its parameters are estimated is
+///     refused.
 ///
 /// Returns
 /// -------
@@ -185,7 +190,8 @@ const BODIES: [&str; 3] = ["prior", "prior_deviation", "bounds"];
 /// True
 #[pyfunction]
 #[pyo3(signature = (robot, unloaded, loaded, *, link=None, friction_may_change=false, consistent=true, **options),
-    text_signature = "(robot, unloaded, loaded, *, link=None, friction_may_change=False, consistent=True, **options)")]
+    text_signature = "(robot, unloaded, loaded, *, link=None, friction_may_change=False, \
+         consistent=True, **options)")]
 #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
 pub fn identify_payload(
     py: Python<'_>,
@@ -202,7 +208,9 @@ pub fn identify_payload(
     let Arguments { options, progress } = Arguments::new(robot.get(), options)?;
     let (unloaded, loaded) = (recordings(unloaded)?, recordings(loaded)?);
     let index = link_of(robot.get(), link)?;
-    let payload = PayloadOptions::new(index).with_friction_may_change(friction_may_change).with_consistent(consistent);
+    let payload = PayloadOptions::new(index)
+        .with_friction_may_change(friction_may_change)
+        .with_consistent(consistent);
     let robot = &robot.get().inner;
     let inner = listen(py, progress, |progress| {
         core::identify_payload(robot, &unloaded, &loaded, &options, &payload, progress)
@@ -210,7 +218,8 @@ pub fn identify_payload(
     Ok(Payload { inner, link: robot.joints()[index].name.clone() })
 }
 
-/// Identifies the gains of all drives from recordings without and with a payload of which something is known.
+/// Identifies the gains of all drives from recordings without and with a payload of which something
+/// is known.
 ///
 /// Parameters
 /// ----------
@@ -218,18 +227,19 @@ pub fn identify_payload(
 /// unloaded, loaded : list of Recording or LogSet
 ///     Their torques are currents, or currents times constants that are in doubt.
 /// payload : dict of str to float
-///     What is known of it, about the origin of the frame of the link that holds it: {"m": 2.805}, and any of mx, my, mz,
-///     Ixx, Ixy, Iyy, Ixz, Iyz, Izz.
+///     What is known of it, about the origin of the frame of the link that holds it: {"m": 2.805},
+///     and any of mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz.
 /// link : str, optional
 ///     Joint whose link holds it; the last one by default.
 /// estimator : {"maximum_likelihood", "total_least_squares", "least_squares"}
-///     Noise in the currents, which is what there is: total least squares with each drive's errors in its own current, and so
-///     two names of one estimator; or least squares of torques, in use in the literature, which noise draws to zero.
+///     Noise in the currents, which is what there is: total least squares with each drive's errors
+///     in its own current, and so two names of one estimator; or least squares of torques, in use
+///     in the literature, which noise draws to zero.
 /// lowest : array of shape (n,), optional
 ///     Lower bounds of the gains, for least squares, and with `consistent`.
 /// **options
-///     `effects` and conditioning as in `identify`; `consistent`, `prior`, `prior_deviation` and `bounds` too: links and
-///     payload are then bodies.
+///     `effects` and conditioning as in `identify`; `consistent`, `prior`, `prior_deviation` and
+///     `bounds` too: links and payload are then bodies.
 ///
 /// Returns
 /// -------
@@ -248,8 +258,8 @@ pub fn identify_payload(
 /// sgpr.IdentificationError: nothing is known of the payload: gains need at least its mass, or its first moment
 #[pyfunction]
 #[pyo3(signature = (robot, unloaded, loaded, *, payload, link=None, estimator="maximum_likelihood", lowest=None, **options),
-    text_signature = "(robot, unloaded, loaded, *, payload, link=None, estimator='maximum_likelihood', lowest=None, \
-    **options)")]
+    text_signature = "(robot, unloaded, loaded, *, payload, link=None, \
+         estimator='maximum_likelihood', lowest=None, **options)")]
 #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
 pub fn identify_drive_gains(
     py: Python<'_>,
@@ -269,8 +279,11 @@ pub fn identify_drive_gains(
     let mut known = [None; PARAMETERS_PER_LINK];
     for (name, value) in items("payload", payload)? {
         let position = STANDARD_PARAMETER_NAMES.iter().position(|known| *known == name);
-        let position = position.ok_or_else(|| unknown("payload", &name, &STANDARD_PARAMETER_NAMES))?;
-        let value: f64 = value.extract().map_err(|_| invalid(format!("payload['{name}']: expected a number")))?;
+        let position =
+            position.ok_or_else(|| unknown("payload", &name, &STANDARD_PARAMETER_NAMES))?;
+        let value: f64 = value
+            .extract()
+            .map_err(|_| invalid(format!("payload['{name}']: expected a number")))?;
         if !value.is_finite() {
             return Err(invalid(format!("payload['{name}'] is {value}: expected a finite number")));
         }
@@ -285,7 +298,9 @@ pub fn identify_drive_gains(
     let robot = &robot.get().inner;
     let lowest = match lowest {
         None => Vec::new(),
-        Some(lowest) => Numbers::new("lowest", lowest)?.shaped(&[robot.dof()])?.finite()?.values().to_vec(),
+        Some(lowest) => {
+            Numbers::new("lowest", lowest)?.shaped(&[robot.dof()])?.finite()?.values().to_vec()
+        }
     };
     let gains = GainOptions::new(index, known)
         .with_estimator(estimator)
@@ -299,8 +314,8 @@ pub fn identify_drive_gains(
 
 /// What is suspicious in the recordings that a model was identified from.
 ///
-/// Torques that are negated, in another unit or late; rows far off the model; moments on which the estimate hangs;
-/// combinations of parameters that the motion hardly excites.
+/// Torques that are negated, in another unit or late; rows far off the model; moments on which the
+/// estimate hangs; combinations of parameters that the motion hardly excites.
 ///
 /// Parameters
 /// ----------
@@ -320,7 +335,11 @@ pub fn identify_drive_gains(
 /// >>> any("negated" in finding for finding in sgpr.screen(model, [log]))
 /// False
 #[pyfunction]
-pub fn screen(py: Python<'_>, model: &Bound<'_, Model>, recordings: &Bound<'_, PyAny>) -> PyResult<Vec<String>> {
+pub fn screen(
+    py: Python<'_>,
+    model: &Bound<'_, Model>,
+    recordings: &Bound<'_, PyAny>,
+) -> PyResult<Vec<String>> {
     let recordings = self::recordings(recordings)?;
     let model = &model.get().inner;
     let findings = listen(py, None, |_| core::screen(model, &recordings))?;

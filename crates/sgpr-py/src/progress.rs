@@ -50,7 +50,8 @@ impl Progress for Listener {
     }
 }
 
-/// Runs `work` detached from the interpreter. What the callback or a signal handler raises stops it and is raised again.
+/// Runs `work` detached from the interpreter. What the callback or a signal handler raises stops it
+/// and is raised again.
 pub fn listen<T: Send, E: IntoPyErr + Send>(
     py: Python<'_>,
     callback: Option<Py<PyAny>>,
@@ -59,7 +60,8 @@ pub fn listen<T: Send, E: IntoPyErr + Send>(
     listen_and_keep(py, callback, work).map(|(value, _)| value)
 }
 
-/// The same for work that keeps the best so far when it is stopped: returns it with what stopped it.
+/// The same for work that keeps the best so far when it is stopped: returns it with what stopped
+/// it.
 pub fn listen_and_keep<T: Send, E: IntoPyErr + Send>(
     py: Python<'_>,
     callback: Option<Py<PyAny>>,

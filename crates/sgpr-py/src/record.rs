@@ -20,12 +20,13 @@ use crate::robot::Robot;
 
 type Array<'py> = Bound<'py, PyArrayDyn<f64>>;
 
-/// What a log says about the parameters of a robot: triangular factors of its equations with the torque, joint by joint
-/// and part by part, with what the residual remembers and where the log came from. Some hundred kilobytes, whatever the
-/// length of the log; never changes.
+/// What a log says about the parameters of a robot: triangular factors of its equations with the
+/// torque, joint by joint and part by part, with what the residual remembers and where the log came
+/// from. Some hundred kilobytes, whatever the length of the log; never changes.
 ///
-/// Made by `record`; `sgpr.fleet.save_records` writes many into one Parquet file. Any choice of records is identified
-/// (`identify_records`), compared with a model (`compare_records`) and looked through for changes (`deviations`).
+/// Made by `record`; `sgpr.fleet.save_records` writes many into one Parquet file. Any choice of
+/// records is identified (`identify_records`), compared with a model (`compare_records`) and looked
+/// through for changes (`deviations`).
 ///
 /// Examples
 /// --------
@@ -71,10 +72,15 @@ impl Record {
         self.inner.processing.clone().into()
     }
 
-    /// Effects that the equations lack and that the record has columns of: "effect", "joint", "constants".
+    /// Effects that the equations lack and that the record has columns of: "effect", "joint",
+    /// "constants".
     #[getter]
     fn suspects<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyDict>>> {
-        self.inner.suspects.iter().map(|suspect| described(py, suspect, &self.inner.joints)).collect()
+        self.inner
+            .suspects
+            .iter()
+            .map(|suspect| described(py, suspect, &self.inner.joints))
+            .collect()
     }
 
     /// Where the log came from.
@@ -125,8 +131,8 @@ impl Record {
         self.inner.findings.iter().map(|finding| finding.message.clone()).collect()
     }
 
-    /// The same for machines: "kind" (`frozen_torque`, `saturated`), "rank" ("stop", "look", "know"), "subject" (the
-    /// joint or column, or None), "message".
+    /// The same for machines: "kind" (`frozen_torque`, `saturated`), "rank" ("stop", "look",
+    /// "know"), "subject" (the joint or column, or None), "message".
     #[getter]
     fn screening<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyDict>>> {
         let described = |finding: &core::RecordFinding| {
@@ -152,8 +158,8 @@ impl Record {
         &self.inner.library_version
     }
 
-    /// Parts of the log in the order of time: "start_time" and "end_time" (ns), "channels" (the mean of each), "rows" of
-    /// all joints.
+    /// Parts of the log in the order of time: "start_time" and "end_time" (ns), "channels" (the
+    /// mean of each), "rows" of all joints.
     #[getter]
     fn blocks<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyDict>>> {
         let of_block = |block: &RecordBlock| {
@@ -167,15 +173,19 @@ impl Record {
         self.inner.blocks.iter().map(of_block).collect()
     }
 
-    /// Triangular factors of a block: "joint", "resting", "columns" (base parameters), "rows" and "factor", of shape
-    /// (columns + 1, columns + 1), the torque last.
+    /// Triangular factors of a block: "joint", "resting", "columns" (base parameters), "rows" and
+    /// "factor", of shape (columns + 1, columns + 1), the torque last.
     fn factors<'py>(&self, py: Python<'py>, block: usize) -> PyResult<Vec<Bound<'py, PyDict>>> {
         let Some(block) = self.inner.blocks.get(block) else {
-            return Err(invalid(format!("block: got {block}, the record has {}", self.inner.blocks.len())));
+            return Err(invalid(format!(
+                "block: got {block}, the record has {}",
+                self.inner.blocks.len()
+            )));
         };
         let of_factor = |factor: &JointFactor| {
             let width = factor.factor.ncols();
-            let values = (0..width * width).map(|k| factor.factor[(k / width, k % width)]).collect();
+            let values =
+                (0..width * width).map(|k| factor.factor[(k / width, k % width)]).collect();
             let dict = PyDict::new(py);
             dict.set_item("joint", factor.joint)?;
             dict.set_item("resting", factor.resting)?;
@@ -193,20 +203,29 @@ impl Record {
         Ok((head, array(py, &[numbers.len()], numbers)?))
     }
 
-    /// The record that `to_parts` took apart. Safe with what strangers send: nothing is run, lengths are checked.
+    /// The record that `to_parts` took apart. Safe with what strangers send: nothing is run,
+    /// lengths are checked.
     #[staticmethod]
     fn from_parts(head: &str, numbers: &Bound<'_, PyAny>) -> PyResult<Self> {
         let numbers = Numbers::new("numbers", numbers)?;
-        core::Record::from_parts(head, numbers.values()).map(Self::from).map_err(IntoPyErr::into_py_err)
+        core::Record::from_parts(head, numbers.values())
+            .map(Self::from)
+            .map_err(IntoPyErr::into_py_err)
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, (String, Array<'py>))> {
+    fn __reduce__<'py>(
+        slf: &Bound<'py, Self>,
+    ) -> PyResult<(Bound<'py, PyAny>, (String, Array<'py>))> {
         Ok((slf.get_type().getattr("from_parts")?, slf.get().to_parts(slf.py())?))
     }
 
     fn __repr__(&self) -> String {
         let core::Record { source, samples, blocks, .. } = &self.inner;
-        format!("Record({source}: {samples} samples, {} blocks, {} rows)", blocks.len(), self.inner.rows())
+        format!(
+            "Record({source}: {samples} samples, {} blocks, {} rows)",
+            blocks.len(),
+            self.inner.rows()
+        )
     }
 }
 
@@ -217,8 +236,8 @@ impl Record {
 /// robot : Robot
 /// recordings : list of Recording or LogSet
 /// **options
-///     Wishes, as those of `identify`: `cutoff_hz`, `filter_order`, `differentiation`, `torque_band`, `decimation`,
-///     `standstill_speed`, `turn_margin`.
+///     Wishes, as those of `identify`: `cutoff_hz`, `filter_order`, `differentiation`,
+///     `torque_band`, `decimation`, `standstill_speed`, `turn_margin`.
 ///
 /// Returns
 /// -------
@@ -232,7 +251,8 @@ impl Record {
 /// >>> processing.cutoff_hz
 /// 10.0
 #[pyfunction]
-#[pyo3(signature = (robot, recordings, **options), text_signature = "(robot, recordings, **options)")]
+#[pyo3(signature = (robot, recordings, **options), text_signature = "(robot, recordings, \
+     **options)")]
 pub fn choose_processing(
     py: Python<'_>,
     robot: &Bound<'_, Robot>,
@@ -242,7 +262,8 @@ pub fn choose_processing(
     let Arguments { options, .. } = Arguments::of_equations(robot.get(), options)?;
     let robot = &robot.get().inner;
     let recordings = self::recordings(recordings)?;
-    let chosen = detached(py, || core::choose_processing(robot, &recordings, &options.conditioning));
+    let chosen =
+        detached(py, || core::choose_processing(robot, &recordings, &options.conditioning));
     chosen.map(Processing::from).map_err(IntoPyErr::into_py_err)
 }
 
@@ -254,24 +275,27 @@ pub fn choose_processing(
 /// recording : Recording
 ///     With torque.
 /// processing : Model or Processing, optional
-///     How the log is processed: as a model was identified, or as `choose_processing` says; chosen from this log by default.
-///     Only records that were processed alike can be summed.
+///     How the log is processed: as a model was identified, or as `choose_processing` says; chosen
+///     from this log by default. Only records that were processed alike can be summed.
 /// effects : list of str
-///     Physics beside the rigid body, at every joint; by default those of the model that `processing` is, else those of
-///     `identify`. Effects that follow the whole trajectory or have constants cannot be recorded.
+///     Physics beside the rigid body, at every joint; by default those of the model that
+///     `processing` is, else those of `identify`. Effects that follow the whole trajectory or have
+///     constants cannot be recorded.
 /// blocks : int, default 5
 ///     Parts of the log, of equal length, that keep factors of their own.
 /// counted : (int, int), optional
-///     Part of the log that counts, from the first stamp to before the second, ns; the rest only settles filters. For a
-///     piece of a long log.
+///     Part of the log that counts, from the first stamp to before the second, ns; the rest only
+///     settles filters. For a piece of a long log.
 /// lags : bool, default True
-///     Whether products of rows some time apart are kept, three quarters of the record: then several records together have
-///     the standard deviations of their logs. Without, each log's own solution speaks for the memory of its residual.
+///     Whether products of rows some time apart are kept, three quarters of the record: then
+///     several records together have the standard deviations of their logs. Without, each log's own
+///     solution speaks for the memory of its residual.
 /// suspects : list of str, default ()
-///     Effects that the equations lack and that `diagnose_records` is to look for, at all joints that can have them or at one:
-///     "stribeck_friction", "cable_stiffness@joint_2". The record keeps their columns at a grid of their constants, and
-///     becomes larger by as much. Effects with constants that differ from log to log (times, places, torques) or that
-///     change the motion cannot be suspects.
+///     Effects that the equations lack and that `diagnose_records` is to look for, at all joints
+///     that can have them or at one: "stribeck_friction", "cable_stiffness@joint_2". The record
+///     keeps their columns at a grid of their constants, and becomes larger by as much. Effects
+///     with constants that differ from log to log (times, places, torques) or that change the
+///     motion cannot be suspects.
 /// labels : dict of str to str, optional
 ///     Names that the record keeps: {"robot": "arm 17", "session": "4 March"}.
 ///
@@ -294,7 +318,8 @@ pub fn choose_processing(
 /// ['train.csv.gz']
 #[pyfunction]
 #[pyo3(signature = (robot, recording, *, processing=None, effects=None, blocks=5, counted=None, lags=true, suspects=None, labels=None),
-    text_signature = "(robot, recording, *, processing=None, effects=None, blocks=5, counted=None, lags=True, suspects=(), labels=None)")]
+    text_signature = "(robot, recording, *, processing=None, effects=None, blocks=5, counted=None, \
+         lags=True, suspects=(), labels=None)")]
 #[expect(clippy::too_many_arguments, reason = "one for each Python keyword")]
 pub fn record(
     py: Python<'_>,
@@ -316,10 +341,14 @@ pub fn record(
     let found = core::torque_scale(robot, recording).map_err(IntoPyErr::into_py_err)?;
     if let Some(found) = found {
         let (recording, finding) = (recording.source().into(), found.message);
-        return Err(sgpr_core::recording::RecordingError::Doubtful { recording, finding }.into_py_err());
+        return Err(
+            sgpr_core::recording::RecordingError::Doubtful { recording, finding }.into_py_err()
+        );
     }
-    let mut options =
-        RecordOptions::default().with_blocks(blocks).with_counted(counted.map(Into::into)).with_lags(lags);
+    let mut options = RecordOptions::default()
+        .with_blocks(blocks)
+        .with_counted(counted.map(Into::into))
+        .with_lags(lags);
     options.labels = labels.unwrap_or_default();
     if let Some(suspects) = suspects {
         options.suspects = texts("suspects", suspects)?;
@@ -337,15 +366,19 @@ pub fn record(
     let made = detached(py, || {
         let processing = match processing {
             Some(processing) => processing,
-            None => core::choose_processing(robot, std::slice::from_ref(recording), &Default::default())?,
+            None => core::choose_processing(
+                robot,
+                std::slice::from_ref(recording),
+                &Default::default(),
+            )?,
         };
         core::record(robot, recording, &processing, &options)
     });
     made.map(Record::from).map_err(IntoPyErr::into_py_err)
 }
 
-/// Identifies the torque model of a robot from records, without the logs: what `identify` finds in the logs, processed
-/// alike, with the same options.
+/// Identifies the torque model of a robot from records, without the logs: what `identify` finds in
+/// the logs, processed alike, with the same options.
 ///
 /// The order of the records does not matter, not even for the last bit; copies of a log count once.
 ///
@@ -354,10 +387,11 @@ pub fn record(
 /// robot : Robot
 /// records : list of Record
 /// method : str, default "wls"
-///     "wls", "ols", "ridge", "tls", as in `identify`; methods that look at single rows need the logs.
+///     "wls", "ols", "ridge", "tls", as in `identify`; methods that look at single rows need the
+///     logs.
 /// noise, start, consistent, prior, prior_deviation, bounds, essential
-///     As in `identify`. Parts of the data that are left out are blocks of records: with the five of the default they are those
-///     of the logs.
+///     As in `identify`. Parts of the data that are left out are blocks of records: with the five
+///     of the default they are those of the logs.
 ///
 /// Returns
 /// -------
@@ -366,7 +400,8 @@ pub fn record(
 /// Raises
 /// ------
 /// IdentificationError
-///     If a record is of another robot, records differ in effects or processing, or hold too little.
+///     If a record is of another robot, records differ in effects or processing, or hold too
+///     little.
 ///
 /// Examples
 /// --------
@@ -376,8 +411,8 @@ pub fn record(
 /// ['viscous_friction']
 #[pyfunction]
 #[pyo3(signature = (robot, records, **options),
-    text_signature = "(robot, records, *, method='wls', noise=None, start='robot_file', consistent=False, \
-    prior='entropic', prior_deviation=None, bounds=None, essential=False)")]
+    text_signature = "(robot, records, *, method='wls', noise=None, start='robot_file', \
+         consistent=False, prior='entropic', prior_deviation=None, bounds=None, essential=False)")]
 pub fn identify_records(
     py: Python<'_>,
     robot: &Bound<'_, Robot>,
@@ -388,8 +423,8 @@ pub fn identify_records(
     let records = given(records)?;
     let robot = &robot.get().inner;
     let records: Vec<&core::Record> = records.iter().map(|record| &record.get().inner).collect();
-    let (model, report) =
-        detached(py, || core::identify_records(robot, &records, &options)).map_err(IntoPyErr::into_py_err)?;
+    let (model, report) = detached(py, || core::identify_records(robot, &records, &options))
+        .map_err(IntoPyErr::into_py_err)?;
     crate::errors::warn(py, &core::copies_among(&records))?;
     Model::with_report(py, model, report)
 }
@@ -405,8 +440,8 @@ pub fn identify_records(
 /// Returns
 /// -------
 /// list of dict
-///     Per joint: "joint", "rows", "rmse" of measured minus predicted torque and "torque", the root mean square of the
-///     measured one, N·m (N), in the band of the records.
+///     Per joint: "joint", "rows", "rmse" of measured minus predicted torque and "torque", the root
+///     mean square of the measured one, N·m (N), in the band of the records.
 ///
 /// Examples
 /// --------
@@ -424,7 +459,8 @@ pub fn compare_records<'py>(
     let records = given(records)?;
     let model = &model.get().inner;
     let records: Vec<&core::Record> = records.iter().map(|record| &record.get().inner).collect();
-    let errors = detached(py, || core::compare_records(model, &records)).map_err(IntoPyErr::into_py_err)?;
+    let errors =
+        detached(py, || core::compare_records(model, &records)).map_err(IntoPyErr::into_py_err)?;
     let of_joint = |(joint, error): (&sgpr_core::robot::Joint, core::RecordedError)| {
         let dict = PyDict::new(py);
         dict.set_item("joint", &joint.name)?;
@@ -436,8 +472,8 @@ pub fn compare_records<'py>(
     model.robot().joints().iter().zip(errors).map(of_joint).collect()
 }
 
-/// What a record says against a reference model: the rigid body stays, the effects of each joint are fitted anew, and the
-/// gain of its torque and a tool at the last link are tried alone.
+/// What a record says against a reference model: the rigid body stays, the effects of each joint
+/// are fitted anew, and the gain of its torque and a tool at the last link are tried alone.
 ///
 /// Parameters
 /// ----------
@@ -450,10 +486,13 @@ pub fn compare_records<'py>(
 /// Returns
 /// -------
 /// list of dict
-///     One, or one per block: "tool_mass" (kg beyond the reference), "tool_mass_standard_deviation", "tool_share" of the residual that the tool
-///     explains, and "joints", each with "joint", "rows", "memory", "torque", "error" (root mean squares, N·m (N)),
-///     "error_after" fitting the effects, "error_with_tool" if the last link's mass and moments alone had changed, and "parameters", each with "name", "unit", "reference", "change", "standard_deviation" and
-///     "error_alone", the error if this parameter alone had changed; the last is the "gain".
+///     One, or one per block: "tool_mass" (kg beyond the reference),
+///     "tool_mass_standard_deviation", "tool_share" of the residual that the tool explains, and
+///     "joints", each with "joint", "rows", "memory", "torque", "error" (root mean squares, N·m
+///     (N)), "error_after" fitting the effects, "error_with_tool" if the last link's mass and
+///     moments alone had changed, and "parameters", each with "name", "unit", "reference",
+///     "change", "standard_deviation" and "error_alone", the error if this parameter alone had
+///     changed; the last is the "gain".
 ///
 /// Examples
 /// --------
@@ -471,7 +510,8 @@ pub fn deviations<'py>(
     by_block: bool,
 ) -> PyResult<Vec<Bound<'py, PyDict>>> {
     let (model, record) = (&model.get().inner, &record.get().inner);
-    let found = detached(py, || core::deviations(model, record, by_block)).map_err(IntoPyErr::into_py_err)?;
+    let found = detached(py, || core::deviations(model, record, by_block))
+        .map_err(IntoPyErr::into_py_err)?;
     let joint = |joint: &JointDeviation| {
         let parameters = PyList::empty(py);
         for parameter in &joint.parameters {
@@ -510,11 +550,12 @@ pub fn deviations<'py>(
     found.iter().map(block).collect()
 }
 
-/// Looks for effects that the equations of records lack, among the suspects that they were made with, without the logs.
+/// Looks for effects that the equations of records lack, among the suspects that they were made
+/// with, without the logs.
 ///
-/// What lowers the squared error on parts of the logs that were left out of the fit by 5 % of its joint's and by 2.5 standard
-/// errors is taken up, the largest first, all base parameters and what was found fitted again each time; what others make
-/// superfluous goes again.
+/// What lowers the squared error on parts of the logs that were left out of the fit by 5 % of its
+/// joint's and by 2.5 standard errors is taken up, the largest first, all base parameters and what
+/// was found fitted again each time; what others make superfluous goes again.
 ///
 /// Parameters
 /// ----------
@@ -525,13 +566,14 @@ pub fn deviations<'py>(
 /// Returns
 /// -------
 /// dict
-///     "tests", what was found first, each with "effect", "joint", "constants" (those of the grid that save most), "found",
-///     "gain" (share of the joint's squared error on left-out parts that it saves) and "gain_standard_error", "parameters" of what was
-///     found ("symbol", "unit", "value", "standard_deviation"), "alternatives", suspects that would have saved as much in its
-///     place, and "mostly_unexplained": more of the joint's error goes on from row to row, as no noise does, than what was
-///     found there explains, so that it can be the shadow of an effect that is no suspect; and "left_out_errors": per joint
-///     "joint", "without" and "with" what was found, N·m (N), and "unexplained", the share of the squared error that still
-///     goes on.
+///     "tests", what was found first, each with "effect", "joint", "constants" (those of the grid
+///     that save most), "found", "gain" (share of the joint's squared error on left-out parts that
+///     it saves) and "gain_standard_error", "parameters" of what was found ("symbol", "unit",
+///     "value", "standard_deviation"), "alternatives", suspects that would have saved as much in
+///     its place, and "mostly_unexplained": more of the joint's error goes on from row to row, as
+///     no noise does, than what was found there explains, so that it can be the shadow of an effect
+///     that is no suspect; and "left_out_errors": per joint "joint", "without" and "with" what was
+///     found, N·m (N), and "unexplained", the share of the squared error that still goes on.
 ///
 /// Raises
 /// ------
@@ -554,7 +596,8 @@ pub fn diagnose_records<'py>(
     let records = given(records)?;
     let robot = &robot.get().inner;
     let records: Vec<&core::Record> = records.iter().map(|record| &record.get().inner).collect();
-    let found = detached(py, || core::diagnose_records(robot, &records)).map_err(IntoPyErr::into_py_err)?;
+    let found =
+        detached(py, || core::diagnose_records(robot, &records)).map_err(IntoPyErr::into_py_err)?;
     let joints: Vec<String> = robot.joint_names().map(String::from).collect();
     let test = |test: &core::SuspectTest| {
         let dict = described(py, &test.suspect, &joints)?;
@@ -592,7 +635,11 @@ pub fn diagnose_records<'py>(
     Ok(dict)
 }
 
-fn described<'py>(py: Python<'py>, suspect: &core::Suspect, joints: &[String]) -> PyResult<Bound<'py, PyDict>> {
+fn described<'py>(
+    py: Python<'py>,
+    suspect: &core::Suspect,
+    joints: &[String],
+) -> PyResult<Bound<'py, PyDict>> {
     let dict = PyDict::new(py);
     dict.set_item("effect", &suspect.effect)?;
     dict.set_item("joint", &joints[suspect.joint])?;
@@ -603,7 +650,9 @@ fn described<'py>(py: Python<'py>, suspect: &core::Suspect, joints: &[String]) -
 fn given<'py>(records: &Bound<'py, PyAny>) -> PyResult<Vec<Bound<'py, Record>>> {
     let wrong = |found: &Bound<'_, PyAny>| {
         let found = found.get_type().name().map_or_else(|_| "?".into(), |name| name.to_string());
-        pyo3::exceptions::PyTypeError::new_err(format!("records: got {found}, expected a list of Record"))
+        pyo3::exceptions::PyTypeError::new_err(format!(
+            "records: got {found}, expected a list of Record"
+        ))
     };
     let mut all = Vec::new();
     for item in records.try_iter().map_err(|_| wrong(records))? {

@@ -22,17 +22,25 @@ use crate::errors::{IntoPyErr, invalid};
 type Any<'py> = Bound<'py, PyAny>;
 type Array<'py> = Bound<'py, PyArrayDyn<f64>>;
 type Times<'py> = Bound<'py, PyArrayDyn<i64>>;
-type Motion<'py> = (Times<'py>, Array<'py>, Option<Array<'py>>, Option<Array<'py>>, Vec<String>, Bound<'py, PyDict>);
+type Motion<'py> = (
+    Times<'py>,
+    Array<'py>,
+    Option<Array<'py>>,
+    Option<Array<'py>>,
+    Vec<String>,
+    Bound<'py, PyDict>,
+);
 type Given<'py> = (Any<'py>, Any<'py>, Option<Any<'py>>, Option<Any<'py>>, Any<'py>, Any<'py>);
 /// Where a recording comes from: source, notes, layout, accepted findings.
 type Origin<'py> = (String, Vec<String>, Option<Any<'py>>, Vec<String>);
 /// What builds a recording again: its arrays, and where it comes from.
 type Parts<'py> = (Motion<'py>, Origin<'py>);
 
-/// One trajectory as it was logged. Samples are rows, joints are columns; SI units; time in integer nanoseconds.
+/// One trajectory as it was logged. Samples are rows, joints are columns; SI units; time in integer
+/// nanoseconds.
 ///
-/// Values may be anything, NaN included: `issues` tells what is wrong with them, and only `repair` changes them. Arrays
-/// are read-only views of the recording's memory.
+/// Values may be anything, NaN included: `issues` tells what is wrong with them, and only `repair`
+/// changes them. Arrays are read-only views of the recording's memory.
 ///
 /// Parameters
 /// ----------
@@ -93,20 +101,32 @@ impl Recording {
             None => (1..=n).map(|joint| format!("joint_{joint}")).collect(),
         };
         if names.len() != n {
-            return Err(invalid(format!("joint_names: got {}, expected {n}: one name for each joint", names.len())));
+            return Err(invalid(format!(
+                "joint_names: got {}, expected {n}: one name for each joint",
+                names.len()
+            )));
         }
         require_distinct(source, &names)?;
-        let optional = |name: &str, values: Option<&Bound<'_, PyAny>>| -> PyResult<Option<Vec<f64>>> {
-            let numbers = values.map(|values| Numbers::new(name, values)?.shaped(&[rows, n])).transpose()?;
+        let optional = |name: &str,
+                        values: Option<&Bound<'_, PyAny>>|
+         -> PyResult<Option<Vec<f64>>> {
+            let numbers =
+                values.map(|values| Numbers::new(name, values)?.shaped(&[rows, n])).transpose()?;
             Ok(numbers.map(|numbers| numbers.values().to_vec()))
         };
         let (velocity, torque) = (optional("dq", dq)?, optional("tau", tau)?);
         let mut kept = Vec::new();
-        for (name, values) in channels.map(|channels| items("channels", channels)).transpose()?.unwrap_or_default() {
-            let values = Numbers::new(&format!("channels['{name}']"), &values)?.shaped(&[rows])?.values().to_vec();
+        for (name, values) in
+            channels.map(|channels| items("channels", channels)).transpose()?.unwrap_or_default()
+        {
+            let values = Numbers::new(&format!("channels['{name}']"), &values)?
+                .shaped(&[rows])?
+                .values()
+                .to_vec();
             kept.push(Channel { name, values });
         }
-        let recording = core::Recording::new(source, names, time, q.values().to_vec(), velocity, torque, kept);
+        let recording =
+            core::Recording::new(source, names, time, q.values().to_vec(), velocity, torque, kept);
         recording.map(Self::from).map_err(IntoPyErr::into_py_err)
     }
 
@@ -150,14 +170,22 @@ impl Recording {
     #[getter]
     fn dq<'py>(slf: &Bound<'py, Self>) -> PyResult<Option<Array<'py>>> {
         let logged = slf.get().inner.velocity().is_some();
-        logged.then(|| view(slf, &shape(slf), |recording| recording.inner.velocity().unwrap_or_default())).transpose()
+        logged
+            .then(|| {
+                view(slf, &shape(slf), |recording| recording.inner.velocity().unwrap_or_default())
+            })
+            .transpose()
     }
 
     /// Torques, (N, n), N·m (N), or None if they were not logged.
     #[getter]
     fn tau<'py>(slf: &Bound<'py, Self>) -> PyResult<Option<Array<'py>>> {
         let logged = slf.get().inner.torque().is_some();
-        logged.then(|| view(slf, &shape(slf), |recording| recording.inner.torque().unwrap_or_default())).transpose()
+        logged
+            .then(|| {
+                view(slf, &shape(slf), |recording| recording.inner.torque().unwrap_or_default())
+            })
+            .transpose()
     }
 
     /// Everything else that was logged, name to (N,).
@@ -165,7 +193,9 @@ impl Recording {
     fn channels<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyDict>> {
         let dict = PyDict::new(slf.py());
         for (index, channel) in slf.get().inner.channels().iter().enumerate() {
-            let values = view(slf, &[slf.get().inner.len()], |recording| &recording.inner.channels()[index].values)?;
+            let values = view(slf, &[slf.get().inner.len()], |recording| {
+                &recording.inner.channels()[index].values
+            })?;
             dict.set_item(&channel.name, values)?;
         }
         Ok(dict)
@@ -177,11 +207,13 @@ impl Recording {
         self.inner.notes().to_vec()
     }
 
-    /// Which column of a table became what, in which unit; None for recordings that are not made from a table.
+    /// Which column of a table became what, in which unit; None for recordings that are not made
+    /// from a table.
     ///
-    /// Keys: "time" (in words), "joints" (a dict for each joint with its name, and "position", "velocity", "torque" with
-    /// "column", "unit", whether the unit was "stated", and "torque_constant"), "by_order" (whether joints were given columns
-    /// in the order of their numbers), and "text": all of it in one line.
+    /// Keys: "time" (in words), "joints" (a dict for each joint with its name, and "position",
+    /// "velocity", "torque" with "column", "unit", whether the unit was "stated", and
+    /// "torque_constant"), "by_order" (whether joints were given columns in the order of their
+    /// numbers), and "text": all of it in one line.
     ///
     /// Examples
     /// --------
@@ -198,7 +230,8 @@ impl Recording {
         self.inner.accepted().iter().map(|kind| kind.name()).collect()
     }
 
-    /// A hexadecimal number that recordings with the same joints, times and values share, and others do not.
+    /// A hexadecimal number that recordings with the same joints, times and values share, and
+    /// others do not.
     ///
     /// Examples
     /// --------
@@ -210,10 +243,11 @@ impl Recording {
         format!("{:032x}", self.inner.content_hash())
     }
 
-    /// The same recording, in which findings of these kinds are right: "position_in_degrees", "unlikely_rate",
-    /// "torque_scale", "stray_sample", "joints_by_order".
+    /// The same recording, in which findings of these kinds are right: "position_in_degrees",
+    /// "unlikely_rate", "torque_scale", "stray_sample", "joints_by_order".
     ///
-    /// What looks like a wrong unit, order or sample is refused until it is stated or repaired, or accepted.
+    /// What looks like a wrong unit, order or sample is refused until it is stated or repaired, or
+    /// accepted.
     ///
     /// Examples
     /// --------
@@ -242,7 +276,8 @@ impl Recording {
         Ok(found.iter().map(|issue| issue.clone_ref(py)).collect())
     }
 
-    /// One over the median period, Hz; None with fewer than two samples or a time that stands still.
+    /// One over the median period, Hz; None with fewer than two samples or a time that stands
+    /// still.
     #[getter]
     fn sample_rate_hz(&self) -> Option<f64> {
         self.inner.sample_rate_hz()
@@ -281,8 +316,12 @@ impl Recording {
     fn slice(&self, start: i64, stop: i64) -> PyResult<Self> {
         let samples = self.inner.len();
         match (usize::try_from(start), usize::try_from(stop)) {
-            (Ok(start), Ok(stop)) if start <= stop && stop <= samples => Ok(self.inner.slice(start..stop).into()),
-            _ => Err(invalid(format!("samples {start} to {stop}: expected 0 <= start <= stop <= {samples}"))),
+            (Ok(start), Ok(stop)) if start <= stop && stop <= samples => {
+                Ok(self.inner.slice(start..stop).into())
+            }
+            _ => Err(invalid(format!(
+                "samples {start} to {stop}: expected 0 <= start <= stop <= {samples}"
+            ))),
         }
     }
 
@@ -296,7 +335,10 @@ impl Recording {
     fn between(&self, start: f64, end: f64) -> PyResult<Self> {
         let request = Repair::default().with_trim(Some(range("between", start, end)?));
         let (mut parts, _) = core::repair(&self.inner, &request).map_err(IntoPyErr::into_py_err)?;
-        parts.pop().map(Self::from).ok_or_else(|| invalid(format!("between({start}, {end}): there is no sample")))
+        parts
+            .pop()
+            .map(Self::from)
+            .ok_or_else(|| invalid(format!("between({start}, {end}): there is no sample")))
     }
 
     /// Samples by number, `log[100:200]`, as a list would give them.
@@ -308,19 +350,25 @@ impl Recording {
     /// (30, 11)
     fn __getitem__(&self, key: &Bound<'_, PyAny>) -> PyResult<Self> {
         let wrong = || {
-            let text = "expected a slice of sample numbers, log[100:200]; for seconds there is log.between(start, end)";
+            let text = "expected a slice of sample numbers, log[100:200]; for seconds there is \
+                 log.between(start, end)";
             pyo3::exceptions::PyTypeError::new_err(text)
         };
         let part = key.cast::<PySlice>().map_err(|_| wrong())?;
-        let found = part.indices(self.inner.len().try_into().map_err(|_| wrong())?).map_err(|_| wrong())?;
+        let found =
+            part.indices(self.inner.len().try_into().map_err(|_| wrong())?).map_err(|_| wrong())?;
         if found.step != 1 {
-            return Err(invalid("samples are taken one after the other: a step would change the rate (see `repair`)"));
+            return Err(invalid(
+                "samples are taken one after the other: a step would change the rate (see \
+                 `repair`)",
+            ));
         }
         let start = usize::try_from(found.start).unwrap_or_default();
         Ok(self.inner.slice(start..start + found.slicelength).into())
     }
 
-    /// A pandas DataFrame: `t_s`, then `NAME_position`, `NAME_velocity`, `NAME_torque` for each joint, then the channels.
+    /// A pandas DataFrame: `t_s`, then `NAME_position`, `NAME_velocity`, `NAME_torque` for each
+    /// joint, then the channels.
     ///
     /// Examples
     /// --------
@@ -331,7 +379,8 @@ impl Recording {
         slf.py().import("sgpr._frames")?.call_method1("to_dataframe", (slf,))
     }
 
-    /// A recording from a pandas or polars DataFrame whose columns are named as those of a CSV file.
+    /// A recording from a pandas or polars DataFrame whose columns are named as those of a CSV
+    /// file.
     ///
     /// Parameters
     /// ----------
@@ -371,11 +420,17 @@ impl Recording {
         slf.py().import("sgpr._views")?.call_method1("recording_html", (slf,))
     }
 
-    /// The same recording from another source and with more notes, for readers that go through another file.
+    /// The same recording from another source and with more notes, for readers that go through
+    /// another file.
     ///
     /// - `layout`: which column became what, as in `layout`
     #[pyo3(signature = (source, notes, layout=None))]
-    fn _from_source(&self, source: &str, notes: Vec<String>, layout: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
+    fn _from_source(
+        &self,
+        source: &str,
+        notes: Vec<String>,
+        layout: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
         let recording = self.inner.clone().with_source(source);
         let recording = notes.into_iter().fold(recording, core::Recording::with_note);
         Ok(match layout {
@@ -398,8 +453,8 @@ impl Recording {
     /// drop_not_finite : bool
     ///     Remove samples with a position, velocity or torque that is not finite.
     /// replace_strays : bool
-    ///     Put what lies between its neighbours in the place of a sample with a value that leaves them and comes back;
-    ///     without those at the ends.
+    ///     Put what lies between its neighbours in the place of a sample with a value that leaves
+    ///     them and comes back; without those at the ends.
     /// drop_repeated : bool
     ///     Remove samples that repeat the one before while the arm moves.
     /// unwrap : bool
@@ -407,7 +462,8 @@ impl Recording {
     /// split_gaps : float, optional
     ///     Cut where the time makes a step longer than this, s.
     /// resample : float or "median", optional
-    ///     Bring the samples to equal steps: a rate in Hz, or one over the median step. Cuts at gaps.
+    ///     Bring the samples to equal steps: a rate in Hz, or one over the median step. Cuts at
+    ///     gaps.
     ///
     /// Returns
     /// -------
@@ -440,9 +496,14 @@ impl Recording {
             None => None,
             Some(rate) => Some(match rate.extract::<f64>() {
                 Ok(rate) => Resample::Hz(positive("resample", rate)?),
-                Err(_) if rate.extract::<String>().is_ok_and(|word| word == "median") => Resample::MedianRate,
+                Err(_) if rate.extract::<String>().is_ok_and(|word| word == "median") => {
+                    Resample::MedianRate
+                }
                 Err(_) => {
-                    return Err(invalid(format!("resample = {}: expected a rate in Hz or 'median'", rate.repr()?)));
+                    return Err(invalid(format!(
+                        "resample = {}: expected a rate in Hz or 'median'",
+                        rate.repr()?
+                    )));
                 }
             }),
         };
@@ -457,12 +518,15 @@ impl Recording {
             .with_unwrap(unwrap)
             .with_split_gaps(split_gaps)
             .with_resample(resample);
-        let (parts, actions) = detached(py, || core::repair(&self.inner, &request)).map_err(IntoPyErr::into_py_err)?;
-        let recordings = parts.into_iter().map(|part| Py::new(py, Self::from(part))).collect::<PyResult<_>>()?;
+        let (parts, actions) =
+            detached(py, || core::repair(&self.inner, &request)).map_err(IntoPyErr::into_py_err)?;
+        let recordings =
+            parts.into_iter().map(|part| Py::new(py, Self::from(part))).collect::<PyResult<_>>()?;
         Ok(Repaired { recordings, actions })
     }
 
-    /// Averages a periodic motion over its periods, leaving out the first `skip` periods, in which the arm settles.
+    /// Averages a periodic motion over its periods, leaving out the first `skip` periods, in which
+    /// the arm settles.
     ///
     /// Parameters
     /// ----------
@@ -475,8 +539,8 @@ impl Recording {
     /// recording : Recording
     ///     One period: mean position, velocity and torque.
     /// noise : dict of str to array of shape (n,)
-    ///     "position_noise" and "torque_noise": standard deviation of a single sample about the mean; the latter are
-    ///     weights for `identify(..., noise=...)`.
+    ///     "position_noise" and "torque_noise": standard deviation of a single sample about the
+    ///     mean; the latter are weights for `identify(..., noise=...)`.
     ///
     /// Examples
     /// --------
@@ -486,19 +550,28 @@ impl Recording {
     /// >>> len(mean), bool(noise["torque_noise"][0] < 1e-12)
     /// (100, True)
     #[pyo3(signature = (period, *, skip=0))]
-    fn average_periods<'py>(&self, py: Python<'py>, period: f64, skip: usize) -> PyResult<(Self, Bound<'py, PyDict>)> {
+    fn average_periods<'py>(
+        &self,
+        py: Python<'py>,
+        period: f64,
+        skip: usize,
+    ) -> PyResult<(Self, Bound<'py, PyDict>)> {
         let step = self.inner.sample_rate_hz().map_or(0.0, |rate| 1.0 / rate);
         if positive("period", period)? < step {
-            return Err(invalid(format!("period = {period}: shorter than one step of the time, {step} s")));
+            return Err(invalid(format!(
+                "period = {period}: shorter than one step of the time, {step} s"
+            )));
         }
-        let average = detached(py, || average_periods(&self.inner, period, skip)).map_err(IntoPyErr::into_py_err)?;
+        let average = detached(py, || average_periods(&self.inner, period, skip))
+            .map_err(IntoPyErr::into_py_err)?;
         let noise = PyDict::new(py);
         noise.set_item("position_noise", array(py, &[self.dof()], average.position_noise)?)?;
         noise.set_item("torque_noise", array(py, &[self.dof()], average.torque_noise)?)?;
         Ok((average.recording.into(), noise))
     }
 
-    /// Writes the recording whole or not at all: `.csv`, `.csv.gz`, or `.mcap` (topic `/joint_states`, no channels).
+    /// Writes the recording whole or not at all: `.csv`, `.csv.gz`, or `.mcap` (topic
+    /// `/joint_states`, no channels).
     ///
     /// Examples
     /// --------
@@ -507,20 +580,33 @@ impl Recording {
     /// >>> bool(np.array_equal(sgpr.read("out.csv").q, rec.q))
     /// True
     fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
-        let name = path.file_name().map(|name| name.to_string_lossy().to_lowercase()).unwrap_or_default();
+        let name =
+            path.file_name().map(|name| name.to_string_lossy().to_lowercase()).unwrap_or_default();
         let write = || match &name {
-            name if name.ends_with(".mcap") => mcap::write(&path, &[("/joint_states", &self.inner)]),
+            name if name.ends_with(".mcap") => {
+                mcap::write(&path, &[("/joint_states", &self.inner)])
+            }
             _ => csv::write(&path, &self.inner),
         };
         if ![".mcap", ".csv", ".csv.gz"].iter().any(|suffix| name.ends_with(suffix)) {
-            return Err(invalid(format!("{}: expected a name that ends in .csv, .csv.gz or .mcap", path.display())));
+            return Err(invalid(format!(
+                "{}: expected a name that ends in .csv, .csv.gz or .mcap",
+                path.display()
+            )));
         }
         detached(py, write).map_err(IntoPyErr::into_py_err)
     }
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Parts<'py>)> {
         let (time, q) = (Self::time_ns(slf)?, Self::q(slf)?);
-        let motion = (time, q, Self::dq(slf)?, Self::tau(slf)?, slf.get().joint_names(), Self::channels(slf)?);
+        let motion = (
+            time,
+            q,
+            Self::dq(slf)?,
+            Self::tau(slf)?,
+            slf.get().joint_names(),
+            Self::channels(slf)?,
+        );
         let layout = slf.get().layout(slf.py())?.map(Bound::into_any);
         let accepted = slf.get().accepted().into_iter().map(String::from).collect();
         let origin = (slf.get().source().into(), slf.get().notes(), layout, accepted);
@@ -529,9 +615,19 @@ impl Recording {
 
     #[staticmethod]
     fn _from_parts(motion: Given<'_>, origin: Origin<'_>) -> PyResult<Self> {
-        let ((t, q, dq, tau, joint_names, channels), (source, notes, layout, accepted)) = (motion, origin);
-        let made = Self::new(&t, &q, dq.as_ref(), tau.as_ref(), Some(&joint_names), Some(&channels), &source)?;
-        let accepted = accepted.iter().map(|kind| kind.parse()).collect::<Result<Vec<IssueKind>, _>>();
+        let ((t, q, dq, tau, joint_names, channels), (source, notes, layout, accepted)) =
+            (motion, origin);
+        let made = Self::new(
+            &t,
+            &q,
+            dq.as_ref(),
+            tau.as_ref(),
+            Some(&joint_names),
+            Some(&channels),
+            &source,
+        )?;
+        let accepted =
+            accepted.iter().map(|kind| kind.parse()).collect::<Result<Vec<IssueKind>, _>>();
         let accepted = accepted.map_err(RecordingError::into_py_err)?;
         let layout = layout.map(|layout| depythonize(&layout)).transpose()?;
         let recording = notes.into_iter().fold(made.inner, core::Recording::with_note);
@@ -576,7 +672,9 @@ fn require_distinct(source: &str, names: &[String]) -> PyResult<()> {
 fn nanoseconds(t: &Bound<'_, PyAny>) -> PyResult<Vec<i64>> {
     let given = t.py().import("numpy")?.call_method1("asarray", (t,))?;
     let integers = match kind_of(&given)? {
-        'M' => given.call_method1("astype", ("datetime64[ns]",))?.call_method1("astype", ("int64",))?,
+        'M' => {
+            given.call_method1("astype", ("datetime64[ns]",))?.call_method1("astype", ("int64",))?
+        }
         'i' => given.call_method1("astype", ("int64",))?,
         _ => return Numbers::new("t", &given).and_then(|seconds| from_seconds(&seconds)),
     };
@@ -610,7 +708,10 @@ fn layout_dict<'py>(py: Python<'py>, layout: &Layout) -> PyResult<Bound<'py, PyD
 }
 
 fn issue_kinds(given: &Bound<'_, PyAny>) -> PyResult<Vec<IssueKind>> {
-    texts("accept", given)?.iter().map(|kind| kind.parse().map_err(RecordingError::into_py_err)).collect()
+    texts("accept", given)?
+        .iter()
+        .map(|kind| kind.parse().map_err(RecordingError::into_py_err))
+        .collect()
 }
 
 /// Refuses a recording with an error, in the words of its inspection.
@@ -622,8 +723,11 @@ pub fn require_usable(recording: &core::Recording) -> PyResult<()> {
         1 => " (1 more finding like this)".into(),
         count => format!(" ({count} more findings like this)"),
     };
-    Err(RecordingError::Doubtful { recording: recording.source().into(), finding: first.message.clone() + &more }
-        .into_py_err())
+    Err(RecordingError::Doubtful {
+        recording: recording.source().into(),
+        finding: first.message.clone() + &more,
+    }
+    .into_py_err())
 }
 
 /// Something found in a recording.
@@ -631,7 +735,8 @@ pub fn require_usable(recording: &core::Recording) -> PyResult<()> {
 pub struct Issue {
     /// What it is: "not_finite", "gap", ...
     kind: &'static str,
-    /// "error": nothing can be computed before it is repaired; "warning": results may suffer; "note": good to know.
+    /// "error": nothing can be computed before it is repaired; "warning": results may suffer;
+    /// "note": good to know.
     severity: &'static str,
     /// The same as what to do about it: "stop", "look", "know".
     rank: &'static str,
@@ -684,11 +789,12 @@ impl Repaired {
 
 /// Reads a table of numbers, `.csv` or `.csv.gz`, whose first line names the columns.
 ///
-/// Columns are found by their names, with or without a unit at their end: `t`, `time_ns`, `header.stamp.sec`;
-/// `q1_rad`, `pos_1`, `elbow_position`; `dq1_rad_s`, `elbow_velocity`; `tau1_Nm`, `effort_1`; currents `i1_A`. Titles above
-/// the names, a line of units below them, dates, Latin-1 and decimal commas are understood. Which column became what is in
-/// `Recording.layout`, what was assumed or left out in `Recording.notes`; numeric columns that belong to no joint become
-/// channels.
+/// Columns are found by their names, with or without a unit at their end: `t`, `time_ns`,
+/// `header.stamp.sec`; `q1_rad`, `pos_1`, `elbow_position`; `dq1_rad_s`, `elbow_velocity`;
+/// `tau1_Nm`, `effort_1`; currents `i1_A`. Titles above the names, a line of units below them,
+/// dates, Latin-1 and decimal commas are understood. Which column became what is in
+/// `Recording.layout`, what was assumed or left out in `Recording.notes`; numeric columns that
+/// belong to no joint become channels.
 ///
 /// Parameters
 /// ----------
@@ -696,15 +802,18 @@ impl Repaired {
 /// joints : list of str, optional
 ///     Joints wanted, in order, e.g. `robot.joint_names`; by default those that the columns name.
 /// columns : dict, optional
-///     Columns, where their names do not tell: keys "time", "position", "velocity", "torque"; values a pattern
-///     (`"i{}_A"`, where {} is the number of the joint from 1 and {name} its name) or a list of names in joint order.
+///     Columns, where their names do not tell: keys "time", "position", "velocity", "torque";
+///     values a pattern (`"i{}_A"`, where {} is the number of the joint from 1 and {name} its name)
+///     or a list of names in joint order.
 /// units : dict, optional
-///     Units, where the names do not tell: keys as in `columns`; `"deg"`, `"rpm"`, `"mNm"`, `"ms"`, ...
-/// torque_constants : array of shape (n,) in the order of the joints, or dict of str to float, optional
-///     N·m per A: the torque is computed from the currents, which are the columns of "torque" or those named `i1_A`.
+///     Units, where the names do not tell: keys as in `columns`; `"deg"`, `"rpm"`, `"mNm"`, `"ms"`,
+///     ...
+/// torque_constants : array of shape (n,) in the order of the joints, or dict, optional
+///     N·m per A: the torque is computed from the currents, which are the columns of "torque" or
+///     those named `i1_A`.
 /// accept : list of str, optional
-///     Findings that are right, as in `Recording.accept`; "joints_by_order": joints with names are columns with numbers, in
-///     the order of the joints.
+///     Findings that are right, as in `Recording.accept`; "joints_by_order": joints with names are
+///     columns with numbers, in the order of the joints.
 /// rows : (int, int), optional
 ///     Data rows to read, counted from 1, both ends included.
 /// seconds : (float, float), optional
@@ -736,8 +845,17 @@ pub fn read_csv(
     sample_rate_hz: Option<f64>,
     limit_bytes: Option<u64>,
 ) -> PyResult<Recording> {
-    let given =
-        TableOptions { joints, columns, units, torque_constants, accept, rows, seconds, sample_rate_hz, limit_bytes };
+    let given = TableOptions {
+        joints,
+        columns,
+        units,
+        torque_constants,
+        accept,
+        rows,
+        seconds,
+        sample_rate_hz,
+        limit_bytes,
+    };
     let options = given.read()?;
     let recording = detached(py, || csv::read(&path, &options));
     recording.map(Recording::from).map_err(IntoPyErr::into_py_err)
@@ -758,8 +876,17 @@ struct TableOptions<'a, 'py> {
 
 impl TableOptions<'_, '_> {
     fn read(self) -> PyResult<ReadOptions> {
-        let Self { joints, columns, units, torque_constants, accept, rows, seconds, sample_rate_hz, limit_bytes } =
-            self;
+        let Self {
+            joints,
+            columns,
+            units,
+            torque_constants,
+            accept,
+            rows,
+            seconds,
+            sample_rate_hz,
+            limit_bytes,
+        } = self;
         let (mut constants, mut named) = (None, Vec::new());
         match torque_constants {
             Some(given) if given.is_instance_of::<PyDict>() => {
@@ -777,7 +904,9 @@ impl TableOptions<'_, '_> {
                 Some(Rows::Numbers(index(first)..=index(last)))
             }
             (Some((first, last)), None) => {
-                return Err(invalid(format!("rows = ({first}, {last}): expected 1 <= first <= last")));
+                return Err(invalid(format!(
+                    "rows = ({first}, {last}): expected 1 <= first <= last"
+                )));
             }
             (None, Some((start, end))) => Some(Rows::Seconds(range("seconds", start, end)?)),
             (None, None) => None,
@@ -804,7 +933,8 @@ impl TableOptions<'_, '_> {
 /// names : list of str
 ///     Names of the columns.
 /// values : list of array of shape (N,), or of list of str
-///     Numbers are float64 or int64; timedelta64[ns] are seconds, datetime64[ns] dates; text is as in the cells of a file.
+///     Numbers are float64 or int64; timedelta64[ns] are seconds, datetime64[ns] dates; text is as
+///     in the cells of a file.
 /// joints, **options
 ///     As in `read_csv`; `limit_bytes` is that of the numbers.
 #[pyfunction]
@@ -826,8 +956,17 @@ pub fn read_columns(
     sample_rate_hz: Option<f64>,
     limit_bytes: Option<u64>,
 ) -> PyResult<Recording> {
-    let given =
-        TableOptions { joints, columns, units, torque_constants, accept, rows, seconds, sample_rate_hz, limit_bytes };
+    let given = TableOptions {
+        joints,
+        columns,
+        units,
+        torque_constants,
+        accept,
+        rows,
+        seconds,
+        sample_rate_hz,
+        limit_bytes,
+    };
     let options = given.read()?;
     let held = values.iter().map(HeldColumn::new).collect::<PyResult<Vec<_>>>()?;
     let named = names.len() == held.len();
@@ -858,8 +997,12 @@ impl<'py> HeldColumn<'py> {
         }
         match kind_of(values)? {
             kind @ ('i' | 'm' | 'M') => {
-                let integers = values.call_method1("view", ("int64",))?.cast_into::<PyArrayDyn<i64>>()?;
-                Ok(Self::Integers(kind, integers.try_readonly().map_err(|_| invalid("a column is being written to"))?))
+                let integers =
+                    values.call_method1("view", ("int64",))?.cast_into::<PyArrayDyn<i64>>()?;
+                Ok(Self::Integers(
+                    kind,
+                    integers.try_readonly().map_err(|_| invalid("a column is being written to"))?,
+                ))
             }
             _ => Numbers::new("values", values).map(Self::Numbers),
         }
@@ -869,7 +1012,10 @@ impl<'py> HeldColumn<'py> {
         Ok(match self {
             Self::Numbers(numbers) => csv::Values::Numbers(numbers.values().into()),
             Self::Integers(kind, integers) => {
-                let integers = integers.as_slice().map_err(|_| invalid("columns: expected contiguous arrays"))?.into();
+                let integers = integers
+                    .as_slice()
+                    .map_err(|_| invalid("columns: expected contiguous arrays"))?
+                    .into();
                 match kind {
                     'm' => csv::Values::Seconds(integers),
                     'M' => csv::Values::Instants(integers),
@@ -888,7 +1034,9 @@ fn column_map(given: &Bound<'_, PyAny>) -> PyResult<ColumnMap> {
     for (key, value) in items("columns", given)? {
         let columns = || match value.extract::<String>() {
             Ok(pattern) => Ok(Some(Columns::Pattern(pattern))),
-            Err(_) => texts(&format!("columns['{key}']"), &value).map(|names| Some(Columns::Names(names))),
+            Err(_) => {
+                texts(&format!("columns['{key}']"), &value).map(|names| Some(Columns::Names(names)))
+            }
         };
         match key.as_str() {
             "time" => map.time = Some(value.extract()?),
@@ -907,8 +1055,12 @@ fn unit_map(given: &Bound<'_, PyAny>) -> PyResult<Units> {
         let value: String = value.extract()?;
         match key.as_str() {
             "time" => units.time = Some(value.parse().map_err(RecordingError::into_py_err)?),
-            "position" => units.position = Some(value.parse().map_err(RecordingError::into_py_err)?),
-            "velocity" => units.velocity = Some(value.parse().map_err(RecordingError::into_py_err)?),
+            "position" => {
+                units.position = Some(value.parse().map_err(RecordingError::into_py_err)?)
+            }
+            "velocity" => {
+                units.velocity = Some(value.parse().map_err(RecordingError::into_py_err)?)
+            }
             "torque" => units.torque = Some(value.parse().map_err(RecordingError::into_py_err)?),
             _ => return Err(unknown("units", &key, &QUANTITIES)),
         }
@@ -923,10 +1075,11 @@ fn range(name: &str, start: f64, end: f64) -> PyResult<RangeInclusive<f64>> {
     Err(invalid(format!("{name} = ({start}, {end}): expected a start and a later end, s")))
 }
 
-/// Reads an MCAP file: a ROS 2 bag with `sensor_msgs/msg/JointState`, or JSON messages with `position` or `q`.
+/// Reads an MCAP file: a ROS 2 bag with `sensor_msgs/msg/JointState`, or JSON messages with
+/// `position` or `q`.
 ///
-/// Joints are found by name, wherever they stand in a message. Joints on several topics are merged at the times of the
-/// topic with the most messages; other numbers become channels.
+/// Joints are found by name, wherever they stand in a message. Joints on several topics are merged
+/// at the times of the topic with the most messages; other numbers become channels.
 ///
 /// Parameters
 /// ----------
@@ -967,15 +1120,19 @@ pub fn read_mcap(
         .with_joints(joints.map(|names| texts("joints", names)).transpose()?)
         .with_logged_names(logged_names.map(|names| texts("logged_names", names)).transpose()?)
         .with_topics(topics.map(|names| texts("topics", names)).transpose()?)
-        .with_clock(choice("clock", clock, &[("header", Clock::HeaderStamp), ("log", Clock::LogTime)])?)
+        .with_clock(choice(
+            "clock",
+            clock,
+            &[("header", Clock::HeaderStamp), ("log", Clock::LogTime)],
+        )?)
         .with_recover(recover)
         .with_limit_bytes(limit_bytes.unwrap_or(McapOptions::default().limit_bytes));
     let recording = detached(py, || mcap::read(&path, &options));
     recording.map(Recording::from).map_err(IntoPyErr::into_py_err)
 }
 
-/// Writes recordings as an MCAP file, one topic with `sensor_msgs/msg/JointState` for each; Foxglove, PlotJuggler and
-/// ROS 2 read it. Channels are not written.
+/// Writes recordings as an MCAP file, one topic with `sensor_msgs/msg/JointState` for each;
+/// Foxglove, PlotJuggler and ROS 2 read it. Channels are not written.
 ///
 /// Examples
 /// --------
@@ -995,7 +1152,8 @@ pub fn write_mcap(py: Python<'_>, path: PathBuf, topics: &Bound<'_, PyAny>) -> P
     detached(py, || mcap::write(path, &topics)).map_err(IntoPyErr::into_py_err)
 }
 
-/// Which quantity an array holds by its name: "time", "position", "velocity", "torque", "current", or None.
+/// Which quantity an array holds by its name: "time", "position", "velocity", "torque", "current",
+/// or None.
 #[pyfunction]
 pub fn quantity_of_array(name: &str) -> Option<&'static str> {
     sgpr_core::recording::csv::quantity_of_array(name)

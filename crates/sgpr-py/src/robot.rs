@@ -6,7 +6,9 @@ use std::path::PathBuf;
 use numpy::PyArrayDyn;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use sgpr_core::identification::{self as estimation, BaseParameters as CoreBase, ParameterClass, ParameterSet};
+use sgpr_core::identification::{
+    self as estimation, BaseParameters as CoreBase, ParameterClass, ParameterSet,
+};
 use sgpr_core::robot::{self as core, DhConvention, DhRow, JointKind, Limits, UrdfOptions};
 use sgpr_core::spatial::{PARAMETERS_PER_LINK, Vector3};
 
@@ -19,10 +21,10 @@ type Origin = (Robot, Vec<String>, bool);
 
 /// A robot arm on a fixed base: joints, links, limits. Never changes; share it freely.
 ///
-/// Made by `from_urdf`, `from_urdf_text`, `from_dh`, or ready-made in `sgpr.robots`. Samples are rows, joints are
-/// columns, in the order of `joint_names`; units are rad, m, s, kg, N·m (m and N for prismatic joints). Every dynamics
-/// method takes one sample, `(n,)`, or many, `(N, n)`, and covers the rigid body only: friction and rotor inertia
-/// belong to a `Model`.
+/// Made by `from_urdf`, `from_urdf_text`, `from_dh`, or ready-made in `sgpr.robots`. Samples are
+/// rows, joints are columns, in the order of `joint_names`; units are rad, m, s, kg, N·m (m and N
+/// for prismatic joints). Every dynamics method takes one sample, `(n,)`, or many, `(N, n)`, and
+/// covers the rigid body only: friction and rotor inertia belong to a `Model`.
 ///
 /// Examples
 /// --------
@@ -48,16 +50,16 @@ impl From<core::Robot> for Robot {
 impl Robot {
     /// Reads a URDF file.
     ///
-    /// Links behind fixed or locked joints are merged into the link that carries them; what is rigidly attached to the
-    /// base does not count. Every URDF link becomes a frame.
+    /// Links behind fixed or locked joints are merged into the link that carries them; what is
+    /// rigidly attached to the base does not count. Every URDF link becomes a frame.
     ///
     /// Parameters
     /// ----------
     /// path : str or os.PathLike
     ///     The file; expand xacro files first.
     /// joints : list of str, optional
-    ///     Joints that move, base to tip; by default all movable ones that mimic no other (`warnings` names those that do).
-    ///     The others are locked.
+    ///     Joints that move, base to tip; by default all movable ones that mimic no other
+    ///     (`warnings` names those that do). The others are locked.
     /// locked : dict of str to float, optional
     ///     Position of locked joints, rad (m); zero for those not named.
     /// gravity : array of shape (3,), default (0, 0, -9.81)
@@ -103,7 +105,8 @@ impl Robot {
     /// ['hinge']
     #[staticmethod]
     #[pyo3(signature = (text, joints=None, *, origin="urdf", locked=None, gravity=None),
-        text_signature = "(text, joints=None, *, origin='urdf', locked=None, gravity=(0.0, 0.0, -9.81))")]
+        text_signature = "(text, joints=None, *, origin='urdf', locked=None, gravity=(0.0, 0.0, \
+             -9.81))")]
     fn from_urdf_text(
         text: &str,
         joints: Option<&Bound<'_, PyAny>>,
@@ -112,7 +115,9 @@ impl Robot {
         gravity: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
         let options = urdf_options(joints, locked, gravity)?;
-        core::Robot::from_urdf_text(text, origin, &options).map(Self::from).map_err(IntoPyErr::into_py_err)
+        core::Robot::from_urdf_text(text, origin, &options)
+            .map(Self::from)
+            .map_err(IntoPyErr::into_py_err)
     }
 
     /// A serial robot from its Denavit-Hartenberg table.
@@ -120,9 +125,10 @@ impl Robot {
     /// Parameters
     /// ----------
     /// rows : list of dict
-    ///     One per joint, base to tip. Keys, all optional: `a`, `alpha`, `d`, `theta` (m, rad; those of position zero),
-    ///     `prismatic` (bool), `mass` (kg), `centre_of_mass` (3,) m, `inertia` (3, 3) kg·m² about the centre of mass, both
-    ///     in the DH frame of the row; limits `lower`, `upper`, `velocity`, `effort`.
+    ///     One per joint, base to tip. Keys, all optional: `a`, `alpha`, `d`, `theta` (m, rad;
+    ///     those of position zero), `prismatic` (bool), `mass` (kg), `centre_of_mass` (3,) m,
+    ///     `inertia` (3, 3) kg·m² about the centre of mass, both in the DH frame of the row; limits
+    ///     `lower`, `upper`, `velocity`, `effort`.
     /// convention : {"standard", "modified"}
     ///     They look alike and mean different robots; there is no default.
     /// name : str, default "robot"
@@ -133,8 +139,9 @@ impl Robot {
     ///
     /// Notes
     /// -----
-    /// The link frames of this library are joint frames: for "modified" the DH frame of the row, for "standard" the
-    /// frame before its translation along z. A frame `tool` marks the last DH frame.
+    /// The link frames of this library are joint frames: for "modified" the DH frame of the
+    /// row, for "standard" the frame before its translation along z. A frame `tool` marks the last
+    /// DH frame.
     ///
     /// Examples
     /// --------
@@ -144,7 +151,8 @@ impl Robot {
     /// True
     #[staticmethod]
     #[pyo3(signature = (rows, *, convention, name="robot", joint_names=None, gravity=None),
-        text_signature = "(rows, *, convention, name='robot', joint_names=None, gravity=(0.0, 0.0, -9.81))")]
+        text_signature = "(rows, *, convention, name='robot', joint_names=None, gravity=(0.0, 0.0, \
+             -9.81))")]
     fn from_dh(
         rows: Vec<Bound<'_, PyAny>>,
         convention: &str,
@@ -154,10 +162,19 @@ impl Robot {
     ) -> PyResult<Self> {
         let known = [("standard", DhConvention::Standard), ("modified", DhConvention::Modified)];
         let convention = choice("convention", convention, &known)?;
-        let rows: Vec<DhRow> =
-            rows.iter().enumerate().map(|(index, row)| dh_row(index, row)).collect::<PyResult<_>>()?;
+        let rows: Vec<DhRow> = rows
+            .iter()
+            .enumerate()
+            .map(|(index, row)| dh_row(index, row))
+            .collect::<PyResult<_>>()?;
         let names = joint_names.map(|names| texts("joint_names", names)).transpose()?;
-        let robot = core::Robot::from_dh(name, convention, &rows, names.as_deref(), gravity_or_standard(gravity)?);
+        let robot = core::Robot::from_dh(
+            name,
+            convention,
+            &rows,
+            names.as_deref(),
+            gravity_or_standard(gravity)?,
+        );
         robot.map(Self::from).map_err(IntoPyErr::into_py_err)
     }
 
@@ -197,12 +214,14 @@ impl Robot {
         self.inner.joints().iter().map(|joint| joint.kind.torque_unit()).collect()
     }
 
-    /// Limits of the joints: "lower", "upper", "velocity", "effort", each `(n,)`; infinite where there is none.
+    /// Limits of the joints: "lower", "upper", "velocity", "effort", each `(n,)`; infinite where
+    /// there is none.
     #[getter]
     fn limits<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let dict = PyDict::new(py);
         let set = |key: &str, select: fn(&Limits) -> f64| {
-            let values: Vec<f64> = self.inner.joints().iter().map(|joint| select(&joint.limits)).collect();
+            let values: Vec<f64> =
+                self.inner.joints().iter().map(|joint| select(&joint.limits)).collect();
             dict.set_item(key, array(py, &[self.dof()], values)?)
         };
         set("lower", |limits| limits.position.map_or(f64::NEG_INFINITY, |[lower, _]| lower))?;
@@ -224,8 +243,8 @@ impl Robot {
         array(py, &[3], self.inner.gravity().to_array().to_vec())
     }
 
-    /// The ten parameters of every link, (10 n,): m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz about the origin of the
-    /// link frame, links in joint order.
+    /// The ten parameters of every link, (10 n,): m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz about
+    /// the origin of the link frame, links in joint order.
     #[getter]
     fn standard_parameters<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
         let values = self.inner.standard_parameters();
@@ -238,8 +257,8 @@ impl Robot {
         self.inner.standard_parameter_names()
     }
 
-    /// What a careful reader would want to know: joints that mimic others and stand here, links without mass at the tip,
-    /// inertias that no body can have.
+    /// What a careful reader would want to know: joints that mimic others and stand here, links
+    /// without mass at the tip, inertias that no body can have.
     #[getter]
     fn warnings(&self) -> Vec<String> {
         self.inner.warnings()
@@ -256,7 +275,8 @@ impl Robot {
         Ok(self.inner.clone().with_gravity(gravity_of(gravity)?).into())
     }
 
-    /// The same kinematics with other inertias, (10 n,). Any values are allowed, also those that no single body has.
+    /// The same kinematics with other inertias, (10 n,). Any values are allowed, also those that no
+    /// single body has.
     ///
     /// Examples
     /// --------
@@ -272,8 +292,8 @@ impl Robot {
 
     /// The combinations of parameters that motion can reveal, together with those of `effects`.
     ///
-    /// By `recursion` they follow from the geometry joint by joint, without a random motion; the result is the same for
-    /// robot files that are exact to 1e-6.
+    /// By `recursion` they follow from the geometry joint by joint, without a random motion; the
+    /// result is the same for robot files that are exact to 1e-6.
     ///
     /// Examples
     /// --------
@@ -282,7 +302,8 @@ impl Robot {
     /// (36, (36, 60))
     /// >>> base.classes["joint_1.m"]
     /// 'invisible'
-    #[pyo3(signature = (effects=None, *, recursion=false), text_signature = "($self, effects=(), *, recursion=False)")]
+    #[pyo3(signature = (effects=None, *, recursion=false), text_signature = "($self, effects=(), \
+         *, recursion=False)")]
     fn base_parameters(
         &self,
         py: Python<'_>,
@@ -304,7 +325,10 @@ impl Robot {
     /// >>> len(sgpr.robots.two_link().plot([0.0, 1.0]).data)
     /// 1
     #[pyo3(signature = (q=None))]
-    fn plot<'py>(slf: &Bound<'py, Self>, q: Option<&Bound<'py, PyAny>>) -> PyResult<Bound<'py, PyAny>> {
+    fn plot<'py>(
+        slf: &Bound<'py, Self>,
+        q: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
         slf.py().import("sgpr._views")?.call_method1("plot_robot", (slf, q))
     }
 
@@ -317,7 +341,10 @@ impl Robot {
         let width = self.inner.joint_names().map(|name| name.chars().count()).max().unwrap_or(0);
         for joint in self.inner.joints() {
             let unit = joint.kind.position_unit();
-            let range = joint.limits.position.map_or(String::new(), |[a, b]| format!("  {a:.4} to {b:.4} {unit}"));
+            let range = joint
+                .limits
+                .position
+                .map_or(String::new(), |[a, b]| format!("  {a:.4} to {b:.4} {unit}"));
             text += &format!("\n  {:width$}  {:10}{range}", joint.name, kind_name(joint.kind));
         }
         text
@@ -335,25 +362,28 @@ impl Robot {
         hasher.finish()
     }
 
-    /// 32 letters that robots share whose joints, links, limits and gravity are the same, and only those; the name does not
-    /// count.
+    /// 32 letters that robots share whose joints, links, limits and gravity are the same, and only
+    /// those; the name does not count.
     #[getter]
     fn fingerprint(&self) -> String {
         self.inner.fingerprint()
     }
 
-    /// Inertias travel beside the description: those that were identified may be such as no robot file has.
+    /// Inertias travel beside the description: those that were identified may be such as no robot
+    /// file has.
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<Pickled<'py>> {
         let robot = &slf.get().inner;
         let parameters = robot.standard_parameters();
         let kinematics = robot.clone().with_standard_parameters(&vec![0.0; parameters.len()]);
-        let text = serde_json::to_string(&kinematics).map_err(|error| invalid(error.to_string()))?;
+        let text =
+            serde_json::to_string(&kinematics).map_err(|error| invalid(error.to_string()))?;
         Ok((slf.get_type().getattr("_from_description")?, (text, parameters)))
     }
 
     #[staticmethod]
     fn _from_description(description: &str, parameters: Vec<f64>) -> PyResult<Self> {
-        let robot: core::Robot = serde_json::from_str(description).map_err(|error| invalid(error.to_string()))?;
+        let robot: core::Robot =
+            serde_json::from_str(description).map_err(|error| invalid(error.to_string()))?;
         if parameters.len() != PARAMETERS_PER_LINK * robot.dof() {
             return Err(invalid("a description and parameters of different robots"));
         }
@@ -381,7 +411,8 @@ fn gravity_of(given: &Bound<'_, PyAny>) -> PyResult<Vector3<f64>> {
     let gravity = vector3("gravity", given)?;
     match gravity.iter().find(|component| component.abs() > core::LARGEST_VALUE) {
         Some(component) => Err(invalid(format!(
-            "gravity has a component of {component:e}: give m/s², in base axes, such as (0, 0, -9.81)"
+            "gravity has a component of {component:e}: give m/s², in base axes, such as (0, 0, \
+             -9.81)"
         ))),
         None => Ok(gravity.into()),
     }
@@ -394,10 +425,14 @@ pub fn urdf_options(
     gravity: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<UrdfOptions> {
     let mut positions = HashMap::new();
-    for (joint, position) in locked.map(|locked| items("locked", locked)).transpose()?.unwrap_or_default() {
+    for (joint, position) in
+        locked.map(|locked| items("locked", locked)).transpose()?.unwrap_or_default()
+    {
         let position: f64 = position.extract()?;
         if !position.is_finite() {
-            return Err(invalid(format!("locked['{joint}'] is {position}: expected a finite number")));
+            return Err(invalid(format!(
+                "locked['{joint}'] is {position}: expected a finite number"
+            )));
         }
         positions.insert(joint, position);
     }
@@ -430,7 +465,8 @@ fn dh_row(index: usize, given: &Bound<'_, PyAny>) -> PyResult<DhRow> {
             "velocity" => row.limits.velocity = Some(limit(&label, &value)?),
             "effort" => row.limits.effort = Some(limit(&label, &value)?),
             _ => {
-                let known = "a alpha d theta prismatic mass centre_of_mass inertia lower upper velocity effort";
+                let known = "a alpha d theta prismatic mass centre_of_mass inertia lower upper \
+                     velocity effort";
                 return Err(unknown(&name, &key, &known.split(' ').collect::<Vec<_>>()));
             }
         }
@@ -446,13 +482,22 @@ fn dh_row(index: usize, given: &Bound<'_, PyAny>) -> PyResult<DhRow> {
 
 fn number(label: &str, value: &Bound<'_, PyAny>) -> PyResult<f64> {
     let number = limit(label, value)?;
-    if number.is_finite() { Ok(number) } else { Err(invalid(format!("{label} is {number}: expected a finite number"))) }
+    if number.is_finite() {
+        Ok(number)
+    } else {
+        Err(invalid(format!("{label} is {number}: expected a finite number")))
+    }
 }
 
 /// A number; infinite is no limit.
 fn limit(label: &str, value: &Bound<'_, PyAny>) -> PyResult<f64> {
-    let number: f64 = value.extract().map_err(|_| invalid(format!("{label}: expected a number")))?;
-    if number.is_nan() { Err(invalid(format!("{label} is NaN: expected a number"))) } else { Ok(number) }
+    let number: f64 =
+        value.extract().map_err(|_| invalid(format!("{label}: expected a number")))?;
+    if number.is_nan() {
+        Err(invalid(format!("{label} is NaN: expected a number")))
+    } else {
+        Ok(number)
+    }
 }
 
 /// The identifiable combinations of a robot's parameters, friction and other effects included.
@@ -500,7 +545,8 @@ impl BaseParameters {
         self.inner.expressions()
     }
 
-    /// The same as formulas in the letters of the literature, links and joints numbered from one: "ZZ1R = ZZ1 + M2".
+    /// The same as formulas in the letters of the literature, links and joints numbered from one:
+    /// "ZZ1R = ZZ1 + M2".
     #[getter]
     fn formulas(&self) -> Vec<String> {
         self.inner.formulas()
@@ -518,7 +564,8 @@ impl BaseParameters {
         self.parameter_names.clone()
     }
 
-    /// What motion reveals of each parameter: "identifiable", only in "combination" with others, or "invisible".
+    /// What motion reveals of each parameter: "identifiable", only in "combination" with others, or
+    /// "invisible".
     #[getter]
     fn classes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let dict = PyDict::new(py);
@@ -542,13 +589,21 @@ impl BaseParameters {
     }
 
     #[staticmethod]
-    fn _from_robot(robot: &Bound<'_, Robot>, effects: Vec<String>, recursion: bool) -> PyResult<Self> {
+    fn _from_robot(
+        robot: &Bound<'_, Robot>,
+        effects: Vec<String>,
+        recursion: bool,
+    ) -> PyResult<Self> {
         let effects = effects.into_pyobject(robot.py())?;
         robot.get().base_parameters(robot.py(), Some(effects.as_any()), recursion)
     }
 
     fn __repr__(&self) -> String {
-        let mut text = format!("BaseParameters, {} of {} parameters", self.inner.rank(), self.parameter_names.len());
+        let mut text = format!(
+            "BaseParameters, {} of {} parameters",
+            self.inner.rank(),
+            self.parameter_names.len()
+        );
         for (expression, unit) in self.inner.expressions().iter().zip(self.inner.units()) {
             text += &format!("\n  {expression}  [{unit}]");
         }
@@ -569,7 +624,8 @@ pub fn puma560() -> Robot {
     core::puma560().into()
 }
 
-/// Two links of 1 m and 1 kg with the mass in the middle, moving in a vertical plane; rigid body only.
+/// Two links of 1 m and 1 kg with the mass in the middle, moving in a vertical plane; rigid body
+/// only.
 ///
 /// Krishnamoorthi (2018), tables 5-2 and 5-4.
 ///
@@ -584,8 +640,9 @@ pub fn two_link() -> Robot {
 
 /// The regrouping rules of Gautier and Khalil for a modified Denavit-Hartenberg table, as formulas.
 ///
-/// Three parameters of a link behind a rotating joint, and six behind a sliding one, act as if they belonged to the link
-/// before it. `Robot.base_parameters` has the complete result for a robot, numbers in the place of symbols.
+/// Three parameters of a link behind a rotating joint, and six behind a sliding one, act as if they
+/// belonged to the link before it. `Robot.base_parameters` has the complete result for a robot,
+/// numbers in the place of symbols.
 ///
 /// Parameters
 /// ----------
@@ -605,5 +662,8 @@ pub fn two_link() -> Robot {
 pub fn regroupings(rows: &Bound<'_, PyAny>) -> PyResult<Vec<Vec<String>>> {
     let rows = rows.try_iter()?.enumerate().map(|(index, row)| dh_row(index, &row?));
     let rows: Vec<DhRow> = rows.collect::<PyResult<_>>()?;
-    Ok(rows.iter().map(|row| estimation::regroupings(row).iter().map(ToString::to_string).collect()).collect())
+    Ok(rows
+        .iter()
+        .map(|row| estimation::regroupings(row).iter().map(ToString::to_string).collect())
+        .collect())
 }

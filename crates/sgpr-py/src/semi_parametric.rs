@@ -1,4 +1,5 @@
-//! Physics and what it leaves over. The estimator with scikit-learn's interface is written in Python.
+//! Physics and what it leaves over. The estimator with scikit-learn's interface is written in
+//! Python.
 
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -6,7 +7,9 @@ use std::sync::{Arc, Mutex, PoisonError};
 use numpy::PyArrayDyn;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
-use sgpr_core::model::{self as core, Inputs, Mean, Predictor, SemiParametricError, SemiParametricOptions};
+use sgpr_core::model::{
+    self as core, Inputs, Mean, Predictor, SemiParametricError, SemiParametricOptions,
+};
 use sgpr_core::recording::LogSet;
 
 use crate::compare::{Compared, Comparison};
@@ -36,7 +39,8 @@ impl FittedSemiParametric {
     }
 }
 
-/// Fits a model, on top of physics if it is given; returns it and what stopped the work, if anything did.
+/// Fits a model, on top of physics if it is given; returns it and what stopped the work, if
+/// anything did.
 #[pyfunction]
 #[pyo3(signature = (robot, recordings, *, physics, mean, kernel, ard, inputs, shared, points, sparse, starts, max_evaluations, n_jobs, options))]
 #[expect(clippy::too_many_arguments, reason = "one for each Python keyword")]
@@ -61,7 +65,11 @@ pub fn fit_semi_parametric(
     let known = Inputs::NAMED.map(|inputs| (inputs.name(), inputs));
     let mut options = SemiParametricOptions::default()
         .with_identify(identify)
-        .with_mean(choice("mean", mean, &[("physics", Mean::Physics), ("joint", Mean::Joint), ("zero", Mean::Zero)])?)
+        .with_mean(choice(
+            "mean",
+            mean,
+            &[("physics", Mean::Physics), ("joint", Mean::Joint), ("zero", Mean::Zero)],
+        )?)
         .with_shape(shape(kernel)?)
         .with_ard(ard)
         .with_inputs(inputs.map(|name| choice("inputs", name, &known)).transpose()?)
@@ -74,9 +82,13 @@ pub fn fit_semi_parametric(
     let recordings = self::recordings(recordings)?;
     let robot = &robot.get().inner;
     let physics = physics.map(|model| &model.get().inner);
-    if let Some(physics) = physics.filter(|physics| !physics.robot().joint_names().eq(robot.joint_names())) {
+    if let Some(physics) =
+        physics.filter(|physics| !physics.robot().joint_names().eq(robot.joint_names()))
+    {
         let names = physics.robot().joint_names().collect::<Vec<_>>().join(", ");
-        return Err(invalid(format!("physics: it is of a robot with the joints {names}: give the robot of the model")));
+        return Err(invalid(format!(
+            "physics: it is of a robot with the joints {names}: give the robot of the model"
+        )));
     }
     let work = |progress: &dyn sgpr_core::progress::Progress| match physics {
         Some(physics) => core::fit_rest(physics, &recordings, &options, progress),
@@ -127,7 +139,8 @@ impl FittedSemiParametric {
         self.inner.stopped()
     }
 
-    /// Torque, and if asked for its standard deviation, half its interval of 95 % and the novelty of the samples.
+    /// Torque, and if asked for its standard deviation, half its interval of 95 % and the novelty
+    /// of the samples.
     #[pyo3(signature = (q, dq, ddq, with_std))]
     fn predict<'py>(
         &self,
@@ -140,7 +153,8 @@ impl FittedSemiParametric {
         let n = self.inner.physics().robot().dof();
         let samples = Samples::together([("q", q), ("dq", dq), ("ddq", ddq)], n)?;
         let motion = motion(&samples);
-        let prediction = detached(py, || self.inner.predict(motion, with_std)).map_err(IntoPyErr::into_py_err)?;
+        let prediction = detached(py, || self.inner.predict(motion, with_std))
+            .map_err(IntoPyErr::into_py_err)?;
         let result = |values| samples[0].result(py, &[n], values);
         let tau = result(prediction.tau)?;
         if !with_std {
@@ -154,12 +168,13 @@ impl FittedSemiParametric {
     /// Compares with recordings, as `sgpr.compare` does.
     fn compare(&self, py: Python<'_>, recordings: &Bound<'_, PyAny>) -> PyResult<Comparison> {
         let logs = log_set(py, recordings)?;
-        let comparison = detached(py, || self.inner.compare(&logs)).map_err(IntoPyErr::into_py_err)?;
+        let comparison =
+            detached(py, || self.inner.compare(&logs)).map_err(IntoPyErr::into_py_err)?;
         Comparison::new(py, comparison, self.compared(logs))
     }
 
-    /// The same, and for each of the comparison's logs the standard deviation, half the interval of 95 % and the novelty
-    /// of the predictions.
+    /// The same, and for each of the comparison's logs the standard deviation, half the interval of
+    /// 95 % and the novelty of the predictions.
     fn compare_with_spread<'py>(
         &self,
         py: Python<'py>,
@@ -171,7 +186,8 @@ impl FittedSemiParametric {
         let n = self.inner.physics().robot().dof();
         let spread = |prediction: core::TorquePrediction| -> PyResult<[Array<'py>; 3]> {
             let result = |values: Vec<f64>| array(py, &[values.len() / n, n], values);
-            let core::TorquePrediction { standard_deviation, interval_95, novelty, .. } = prediction;
+            let core::TorquePrediction { standard_deviation, interval_95, novelty, .. } =
+                prediction;
             Ok([result(standard_deviation)?, result(interval_95)?, result(novelty)?])
         };
         let spreads = predictions.into_iter().map(spread).collect::<PyResult<_>>()?;
@@ -192,7 +208,8 @@ impl FittedSemiParametric {
         following: bool,
     ) -> PyResult<Vec<Bound<'py, PyDict>>> {
         let logs = log_set(py, recordings)?;
-        let rows = detached(py, || self.inner.coverage(&logs, following)).map_err(IntoPyErr::into_py_err)?;
+        let rows = detached(py, || self.inner.coverage(&logs, following))
+            .map_err(IntoPyErr::into_py_err)?;
         let describe = |row: core::Coverage| {
             let dict = PyDict::new(py);
             dict.set_item("joint", row.joint)?;
@@ -209,7 +226,8 @@ impl FittedSemiParametric {
     /// One dict per joint: what was tried, chosen and learned.
     #[getter]
     fn reports<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyDict>>> {
-        let names: Vec<String> = self.inner.physics().robot().joint_names().map(String::from).collect();
+        let names: Vec<String> =
+            self.inner.physics().robot().joint_names().map(String::from).collect();
         let describe = |(joint, (name, report)): (usize, (String, &core::JointReport))| {
             let candidates = report.candidates.iter().map(|candidate| {
                 let dict = PyDict::new(py);
@@ -272,11 +290,15 @@ impl FittedSemiParametric {
     /// The model of which `data` is the file.
     #[staticmethod]
     fn from_bytes(py: Python<'_>, data: &[u8]) -> PyResult<Self> {
-        let model = detached(py, || core::SemiParametricModel::from_bytes_with(data, "bytes", &known_effects()));
+        let model = detached(py, || {
+            core::SemiParametricModel::from_bytes_with(data, "bytes", &known_effects())
+        });
         Ok(Self { inner: Arc::new(model.map_err(IntoPyErr::into_py_err)?) })
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, (Bound<'py, PyBytes>,))> {
+    fn __reduce__<'py>(
+        slf: &Bound<'py, Self>,
+    ) -> PyResult<(Bound<'py, PyAny>, (Bound<'py, PyBytes>,))> {
         Ok((slf.get_type().getattr("from_bytes")?, (slf.get().to_bytes(slf.py()),)))
     }
 }
@@ -298,8 +320,9 @@ impl SemiParametricPredictor {
         self.purpose
     }
 
-    /// Share of the variance of each joint's process that the logs have not explained, (n,), at the last call of `torque_and_std`:
-    /// from 0 at a point of the logs to 1 far from all, 0 for a joint without a process. Above 0.95 the torque is that of the physics.
+    /// Share of the variance of each joint's process that the logs have not explained, (n,), at the
+    /// last call of `torque_and_std`: from 0 at a point of the logs to 1 far from all, 0 for a
+    /// joint without a process. Above 0.95 the torque is that of the physics.
     #[getter]
     fn novelty<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
         let predictor = self.inner.lock().unwrap_or_else(PoisonError::into_inner);
@@ -308,7 +331,12 @@ impl SemiParametricPredictor {
 
     /// Forgets all samples, as `Predictor.reset`.
     #[pyo3(signature = (q=None, dq=None, *, time=0.0))]
-    fn reset(&self, q: Option<&Bound<'_, PyAny>>, dq: Option<&Bound<'_, PyAny>>, time: f64) -> PyResult<()> {
+    fn reset(
+        &self,
+        q: Option<&Bound<'_, PyAny>>,
+        dq: Option<&Bound<'_, PyAny>>,
+        time: f64,
+    ) -> PyResult<()> {
         let start = start_of_stream(self.dof, q, dq, time)?;
         let mut predictor = self.inner.lock().unwrap_or_else(PoisonError::into_inner);
         match start {
@@ -336,7 +364,10 @@ impl SemiParametricPredictor {
         let one = |name, value| Numbers::new(name, value)?.shaped(&[self.dof])?.finite();
         let (q, dq, ddq) = (one("q", q)?, one("dq", dq)?, one("ddq", ddq)?);
         let mut predictor = self.inner.lock().unwrap_or_else(PoisonError::into_inner);
-        let tau = predictor.try_torque(q.values(), dq.values(), ddq.values()).map_err(IntoPyErr::into_py_err)?.to_vec();
+        let tau = predictor
+            .try_torque(q.values(), dq.values(), ddq.values())
+            .map_err(IntoPyErr::into_py_err)?
+            .to_vec();
         array(py, &[self.dof], tau)
     }
 
@@ -366,7 +397,9 @@ impl SemiParametricPredictor {
 }
 
 /// What an `sgpr.SemiParametricModel` holds, if it is one.
-pub fn semi_parametric<'py>(item: &Bound<'py, PyAny>) -> PyResult<Option<Bound<'py, FittedSemiParametric>>> {
+pub fn semi_parametric<'py>(
+    item: &Bound<'py, PyAny>,
+) -> PyResult<Option<Bound<'py, FittedSemiParametric>>> {
     if item.get_type().name()? != "SemiParametricModel" {
         return Ok(None);
     }

@@ -37,10 +37,11 @@ impl SessionComparison {
         self.inner.sentences()
     }
 
-    /// All that the logs can test: "cause" ("tool", "friction", "offset" or "gain"), "joint" (None for the tool), "values" and
-    /// "standard_deviations" of each session with their "unit", "chance" (the probability that chance makes sessions differ as much),
-    /// "saved_percent" and "saved_percent_standard_error" (by how much values of its own for each session lower the error on parts that
-    /// were left out, squared), "changed".
+    /// All that the logs can test: "cause" ("tool", "friction", "offset" or "gain"), "joint" (None
+    /// for the tool), "values" and "standard_deviations" of each session with their "unit",
+    /// "chance" (the probability that chance makes sessions differ as much), "saved_percent" and
+    /// "saved_percent_standard_error" (by how much values of its own for each session lower the
+    /// error on parts that were left out, squared), "changed".
     #[getter]
     fn tests<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyDict>>> {
         let robot = self.inner.models[0].robot();
@@ -67,25 +68,35 @@ impl SessionComparison {
         self.inner.tests.iter().map(of).collect()
     }
 
-    /// The model of a session: all is common to the sessions but what changed. A gain that changed is not in it.
+    /// The model of a session: all is common to the sessions but what changed. A gain that changed
+    /// is not in it.
     fn model(&self, name: &str) -> PyResult<Model> {
         let Some(session) = self.inner.names.iter().position(|other| other == name) else {
-            return Err(invalid(format!("name: got '{name}', the sessions are {}", self.inner.names.join(", "))));
+            return Err(invalid(format!(
+                "name: got '{name}', the sessions are {}",
+                self.inner.names.join(", ")
+            )));
         };
         Ok(Model { inner: Arc::new(self.inner.models[session].clone()), report: None })
     }
 
     fn __repr__(&self) -> String {
-        format!("SessionComparison of {}: {}", self.inner.names.join(", "), self.inner.sentences().join("; "))
+        format!(
+            "SessionComparison of {}: {}",
+            self.inner.names.join(", "),
+            self.inner.sentences().join("; ")
+        )
     }
 }
 
-/// What changed between sessions of one robot: friction, offset and gain of each joint, and what the last link carries.
+/// What changed between sessions of one robot: friction, offset and gain of each joint, and what
+/// the last link carries.
 ///
-/// All other parameters are common to the sessions. Beside the effects there is a torque of any smooth shape in each joint's
-/// position, speed and load, common as well, so that what the model lacks does not look like a change where sessions move
-/// differently. Something changed if sessions differ by more than parts of two seconds of one session do, and if values of
-/// each session's own predict parts that were left out better.
+/// All other parameters are common to the sessions. Beside the effects there is a torque of any
+/// smooth shape in each joint's position, speed and load, common as well, so that what the model
+/// lacks does not look like a change where sessions move differently. Something changed if sessions
+/// differ by more than parts of two seconds of one session do, and if values of each session's own
+/// predict parts that were left out better.
 ///
 /// Parameters
 /// ----------
@@ -93,8 +104,9 @@ impl SessionComparison {
 /// sessions : dict of str to list of Recording or LogSet
 ///     Logs of each session; changes are told against the first one.
 /// **options
-///     As those of `identify`: `effects`, each a linear function of the present motion and at every joint, `cutoff_hz`,
-///     `filter_order`, `differentiation`, `torque_band`, `decimation`, `standstill_speed`, `turn_margin`, `progress`.
+///     As those of `identify`: `effects`, each a linear function of the present motion and at every
+///     joint, `cutoff_hz`, `filter_order`, `differentiation`, `torque_band`, `decimation`,
+///     `standstill_speed`, `turn_margin`, `progress`.
 ///
 /// Returns
 /// -------
@@ -103,8 +115,8 @@ impl SessionComparison {
 /// Raises
 /// ------
 /// IdentificationError
-///     If there are fewer than two sessions, one of them has fewer than three parts of two seconds in motion, or an effect
-///     has constants or a memory.
+///     If there are fewer than two sessions, one of them has fewer than three parts of two seconds
+///     in motion, or an effect has constants or a memory.
 ///
 /// Examples
 /// --------

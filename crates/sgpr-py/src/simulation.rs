@@ -11,9 +11,10 @@ use sgpr_core::gp::PredictorOptions;
 use sgpr_core::model::StreamOptions;
 use sgpr_core::robot::Robot as CoreRobot;
 use sgpr_core::simulation::{
-    self as core, ComputedTorque, Controller, Experiment, FeedForward, Gains, Integrator, InverseDynamics,
-    JointImpedance, Measurement, Pd, PickUp, Reference, RigidBody, SampledReference, Scheduled, Sensors, Setpoint,
-    Simulator, StandStill, VelocitySensor, drives_from_model,
+    self as core, ComputedTorque, Controller, Experiment, FeedForward, Gains, Integrator,
+    InverseDynamics, JointImpedance, Measurement, Pd, PickUp, Reference, RigidBody,
+    SampledReference, Scheduled, Sensors, Setpoint, Simulator, StandStill, VelocitySensor,
+    drives_from_model,
 };
 
 use crate::convert::{Numbers, array, choice, not_negative_gains, per_joint, positive, view};
@@ -28,7 +29,8 @@ use crate::semi_parametric::semi_parametric;
 
 type Array<'py> = Bound<'py, PyArrayDyn<f64>>;
 
-/// Rotor and friction of one joint, all seen at the joint: rad, N·m (m, N for a sliding joint). Never changes.
+/// Rotor and friction of one joint, all seen at the joint: rad, N·m (m, N for a sliding joint).
+/// Never changes.
 ///
 /// Parameters
 /// ----------
@@ -55,7 +57,8 @@ pub struct Drive {
 impl Drive {
     #[new]
     #[pyo3(signature = (*, rotor_inertia=0.0, viscous_friction=0.0, coulomb_friction=None, static_friction=None, stribeck_velocity=0.0),
-        text_signature = "(*, rotor_inertia=0.0, viscous_friction=0.0, coulomb_friction=0.0, static_friction=None, stribeck_velocity=0.0)")]
+        text_signature = "(*, rotor_inertia=0.0, viscous_friction=0.0, coulomb_friction=0.0, \
+             static_friction=None, stribeck_velocity=0.0)")]
     fn new(
         rotor_inertia: f64,
         viscous_friction: f64,
@@ -67,12 +70,14 @@ impl Drive {
             if let Ok(size) = value.extract::<f64>() {
                 return Ok([size; 2]);
             }
-            value
-                .extract()
-                .map_err(|_| invalid(format!("{name}: expected a number, or one forwards and one backwards")))
+            value.extract().map_err(|_| {
+                invalid(format!("{name}: expected a number, or one forwards and one backwards"))
+            })
         };
-        let coulomb = coulomb_friction.map_or(Ok([0.0; 2]), |value| both("coulomb_friction", value))?;
-        let at_rest = static_friction.map_or(Ok(coulomb), |value| both("static_friction", value))?;
+        let coulomb =
+            coulomb_friction.map_or(Ok([0.0; 2]), |value| both("coulomb_friction", value))?;
+        let at_rest =
+            static_friction.map_or(Ok(coulomb), |value| both("static_friction", value))?;
         let inner = core::Drive::default()
             .with_rotor_inertia(rotor_inertia)
             .with_viscous_friction(viscous_friction)
@@ -115,8 +120,8 @@ impl Drive {
     fn __repr__(&self) -> String {
         let drive = &self.inner;
         format!(
-            "Drive(rotor_inertia={}, viscous_friction={}, coulomb_friction={:?}, static_friction={:?}, \
-             stribeck_velocity={})",
+            "Drive(rotor_inertia={}, viscous_friction={}, coulomb_friction={:?}, \
+             static_friction={:?}, stribeck_velocity={})",
             drive.rotor_inertia,
             drive.viscous_friction,
             self.coulomb_friction(),
@@ -126,7 +131,8 @@ impl Drive {
     }
 }
 
-/// Drives of the PUMA 560: rotors, viscous and direction-dependent Coulomb friction, seen at the joints.
+/// Drives of the PUMA 560: rotors, viscous and direction-dependent Coulomb friction, seen at the
+/// joints.
 #[pyfunction]
 pub fn puma560_drives() -> Vec<Drive> {
     core::puma560_drives().into_iter().map(|inner| Drive { inner }).collect()
@@ -164,7 +170,10 @@ const ARRAYS: [fn(&core::SimulationRecord) -> &[f64]; 11] = [
 ];
 
 impl Simulation {
-    fn shown<'py>(slf: &Bound<'py, Self>, pick: fn(&core::SimulationRecord) -> &[f64]) -> PyResult<Array<'py>> {
+    fn shown<'py>(
+        slf: &Bound<'py, Self>,
+        pick: fn(&core::SimulationRecord) -> &[f64],
+    ) -> PyResult<Array<'py>> {
         let record = &slf.get().inner;
         view(slf, &[record.len(), record.dof()], |simulation| pick(&simulation.inner))
     }
@@ -175,7 +184,11 @@ impl Simulation {
     /// Time, (N,), s.
     #[getter]
     fn t<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
-        array(py, &[self.inner.len()], self.inner.time.iter().map(|time| *time as f64 * 1e-9).collect())
+        array(
+            py,
+            &[self.inner.len()],
+            self.inner.time.iter().map(|time| *time as f64 * 1e-9).collect(),
+        )
     }
 
     /// Names of the joints.
@@ -282,7 +295,8 @@ impl Simulation {
     }
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Pickled<'py>)> {
-        let arrays = ARRAYS.into_iter().map(|pick| Self::shown(slf, pick)).collect::<PyResult<Vec<_>>>()?;
+        let arrays =
+            ARRAYS.into_iter().map(|pick| Self::shown(slf, pick)).collect::<PyResult<Vec<_>>>()?;
         let parts = (slf.get().robot.clone().into(), slf.get().inner.time.clone(), arrays);
         Ok((slf.get_type().getattr("_from_parts")?, parts))
     }
@@ -290,18 +304,34 @@ impl Simulation {
     #[staticmethod]
     fn _from_parts(robot: &Robot, time: Vec<i64>, arrays: Vec<Bound<'_, PyAny>>) -> PyResult<Self> {
         let size = time.len() * robot.inner.dof();
-        let rows = arrays.iter().map(|array| Ok(Numbers::new("a simulation", array)?.values().to_vec()));
+        let rows =
+            arrays.iter().map(|array| Ok(Numbers::new("a simulation", array)?.values().to_vec()));
         let rows = rows.collect::<PyResult<Vec<Vec<f64>>>>()?;
         if rows.iter().any(|values| values.len() != size) {
-            return Err(invalid("not a simulation of this robot: its parts do not belong together"));
+            return Err(invalid(
+                "not a simulation of this robot: its parts do not belong together",
+            ));
         }
-        let [q, dq, ddq, tau, friction, q_measured, dq_measured, tau_measured, q_wanted, dq_wanted, ddq_wanted] =
-            <[Vec<f64>; ARRAYS.len()]>::try_from(rows).map_err(|_| invalid("not a simulation: arrays are missing"))?;
+        let [
+            q,
+            dq,
+            ddq,
+            tau,
+            friction,
+            q_measured,
+            dq_measured,
+            tau_measured,
+            q_wanted,
+            dq_wanted,
+            ddq_wanted,
+        ] = <[Vec<f64>; ARRAYS.len()]>::try_from(rows)
+            .map_err(|_| invalid("not a simulation: arrays are missing"))?;
         let joint_names = robot.inner.joint_names().map(String::from).collect();
         let mut inner = core::SimulationRecord::default();
         (inner.joint_names, inner.time) = (joint_names, time);
         [inner.q, inner.dq, inner.ddq, inner.tau, inner.friction] = [q, dq, ddq, tau, friction];
-        [inner.q_measured, inner.dq_measured, inner.tau_measured] = [q_measured, dq_measured, tau_measured];
+        [inner.q_measured, inner.dq_measured, inner.tau_measured] =
+            [q_measured, dq_measured, tau_measured];
         [inner.q_wanted, inner.dq_wanted, inner.ddq_wanted] = [q_wanted, dq_wanted, ddq_wanted];
         Ok(Self { inner, robot: robot.inner.clone() })
     }
@@ -319,26 +349,30 @@ const VELOCITY_SENSORS: [(&str, VelocitySensor); 2] =
 
 /// Simulates an arm that follows a motion under a controller.
 ///
-/// The same arguments give the same bits. Dry friction sticks and breaks away as the balance of torques says; friction
-/// of any stiffness is stable at any step with the integrator "euler".
+/// The same arguments give the same bits. Dry friction sticks and breaks away as the balance of
+/// torques says; friction of any stiffness is stable at any step with the integrator "euler".
 ///
 /// Parameters
 /// ----------
 /// robot : Robot or Model
-///     The arm. A model brings its effects; `drives` is then not given. Effects at single sites act as they depend on
-///     the present motion and on time, and Dahl elements of a position (presliding friction, cables) carry their state;
-///     those with another hidden state, and those that change robot, motion or torque, are refused by name.
+///     The arm. A model brings its effects; `drives` is then not given. Effects at single sites act
+///     as they depend on the present motion and on time, and Dahl elements of a position
+///     (presliding friction, cables) carry their state; those with another hidden state, and those
+///     that change robot, motion or torque, are refused by name.
 /// reference : Trajectory, array of shape (n,), or (rate_hz, q, dq, ddq)
-///     The wanted motion: at every time, standing still, or samples of shape (N, n) that are interpolated.
+///     The wanted motion: at every time, standing still, or samples of shape (N, n) that are
+///     interpolated.
 /// duration : float, optional
 ///     s; that of the trajectory by default.
 /// controller : {"feed_forward", "computed_torque", "impedance", "pd"} or callable
-///     The law: model(q_d, dq_d, ddq_d) + PD; model(q, dq, ddq_d + PD); model(q, dq_d, ddq_d) + PD; PD alone. A callable
-///     is called as ``controller(t, q, dq, q_wanted, dq_wanted, ddq_wanted)`` and returns the torques, (n,).
+///     The law: model(q_d, dq_d, ddq_d) + PD; model(q, dq, ddq_d + PD); model(q, dq_d, ddq_d) + PD;
+///     PD alone. A callable is called as ``controller(t, q, dq, q_wanted, dq_wanted, ddq_wanted)``
+///     and returns the torques, (n,).
 /// kp, kd : float or array of shape (n,)
 ///     Gains at the joints.
 /// model : Robot, Model, SemiParametricModel or list of them, optional
-///     What the controller knows of the arm; several are added. By default the rigid body of `robot`.
+///     What the controller knows of the arm; several are added. By default the rigid body of
+///     `robot`.
 /// feed_forward : array of shape (K, n), optional
 ///     Torque added by the controller, one row per control period; the last row stays.
 /// drives : list of Drive, optional
@@ -346,7 +380,7 @@ const VELOCITY_SENSORS: [(&str, VelocitySensor); 2] =
 /// integrator : {"euler", "runge_kutta"}
 /// step, control_period, record_period, delay : float
 ///     s; whole numbers of steps (of control periods for the record).
-/// position_resolution, position_noise, torque_noise, actuation_noise : array of shape (n,), optional
+/// position_resolution, position_noise, torque_noise, actuation_noise : array (n,), optional
 ///     Encoder step, and standard deviations.
 /// velocity : {"exact", "difference"}
 ///     What the controller sees.
@@ -377,7 +411,11 @@ const VELOCITY_SENSORS: [(&str, VelocitySensor); 2] =
 /// True
 #[pyfunction]
 #[pyo3(signature = (robot, reference, **options),
-    text_signature = "(robot, reference, *, duration=None, controller='feed_forward', kp=75.0, kd=5.0, model=None, feed_forward=None, drives=None, integrator='euler', step=2.5e-4, control_period=1e-3, record_period=None, delay=0.0, position_resolution=None, position_noise=None, torque_noise=None, actuation_noise=None, velocity='exact', torque_limits=None, speed_limit=1000.0, pick_up=None, random_state=0, progress=None)")]
+    text_signature = "(robot, reference, *, duration=None, controller='feed_forward', kp=75.0, \
+         kd=5.0, model=None, feed_forward=None, drives=None, integrator='euler', step=2.5e-4, \
+         control_period=1e-3, record_period=None, delay=0.0, position_resolution=None, \
+         position_noise=None, torque_noise=None, actuation_noise=None, velocity='exact', \
+         torque_limits=None, speed_limit=1000.0, pick_up=None, random_state=0, progress=None)")]
 pub fn simulate(
     py: Python<'_>,
     robot: &Bound<'_, PyAny>,
@@ -394,15 +432,29 @@ pub fn simulate(
     let experiment = experiment(&options, &arm)?;
     let failure = Arc::new(Mutex::new(None));
     let mut controller = controller(&options, &arm, experiment.control_period, &failure)?;
-    let pick_up = options.get("pick_up")?.map(|value| pick_up(&value, arm.dof() - 1)).transpose()?;
+    let pick_up =
+        options.get("pick_up")?.map(|value| pick_up(&value, arm.dof() - 1)).transpose()?;
     let progress = options.get("progress")?.map(Bound::unbind);
     let result = listen(py, progress, |progress| {
         let (controller, reference) = (controller.as_mut(), reference.as_ref());
         match &pick_up {
-            None => core::simulate(&mut simulator, controller, reference, duration, &experiment, progress),
-            Some(pick_up) => {
-                core::simulate_pick_up(&mut simulator, controller, reference, duration, &experiment, pick_up, progress)
-            }
+            None => core::simulate(
+                &mut simulator,
+                controller,
+                reference,
+                duration,
+                &experiment,
+                progress,
+            ),
+            Some(pick_up) => core::simulate_pick_up(
+                &mut simulator,
+                controller,
+                reference,
+                duration,
+                &experiment,
+                pick_up,
+                progress,
+            ),
         }
     });
     if let Some(error) = failure.lock().unwrap_or_else(PoisonError::into_inner).take() {
@@ -438,16 +490,22 @@ const KEYWORDS: [&str; 22] = [
 
 /// How the arm is run and measured.
 fn experiment(options: &Keywords<'_, '_>, arm: &CoreRobot) -> PyResult<Experiment> {
-    let list = |name: &str| options.get(name)?.map(|value| per_joint(name, &value, arm)).transpose();
-    let velocity = options.word("velocity")?.map(|word| choice("velocity", &word, &VELOCITY_SENSORS)).transpose()?;
+    let list =
+        |name: &str| options.get(name)?.map(|value| per_joint(name, &value, arm)).transpose();
+    let velocity = options
+        .word("velocity")?
+        .map(|word| choice("velocity", &word, &VELOCITY_SENSORS))
+        .transpose()?;
     let sensors = Sensors::default()
         .with_position_resolution(list("position_resolution")?.unwrap_or_default())
         .with_position_noise(list("position_noise")?.unwrap_or_default())
         .with_torque_noise(list("torque_noise")?.unwrap_or_default())
         .with_actuation_noise(list("actuation_noise")?.unwrap_or_default())
         .with_velocity(velocity.unwrap_or_default());
-    let control_period = positive("control_period", options.number("control_period")?.unwrap_or(1e-3))?;
-    let record_period = positive("record_period", options.number("record_period")?.unwrap_or(control_period))?;
+    let control_period =
+        positive("control_period", options.number("control_period")?.unwrap_or(1e-3))?;
+    let record_period =
+        positive("record_period", options.number("record_period")?.unwrap_or(control_period))?;
     let seed = options.get("random_state")?.map_or(Ok(0), |value| value.extract())?;
     Ok(Experiment::default()
         .with_control_period(control_period)
@@ -459,7 +517,12 @@ fn experiment(options: &Keywords<'_, '_>, arm: &CoreRobot) -> PyResult<Experimen
 }
 
 /// One number for all joints, or one per joint.
-fn gain(name: &str, value: Option<&Bound<'_, PyAny>>, default: f64, arm: &CoreRobot) -> PyResult<Vec<f64>> {
+fn gain(
+    name: &str,
+    value: Option<&Bound<'_, PyAny>>,
+    default: f64,
+    arm: &CoreRobot,
+) -> PyResult<Vec<f64>> {
     let Some(value) = value else { return Ok(vec![default; arm.dof()]) };
     let gains = match value.extract::<f64>() {
         Ok(gain) if gain.is_finite() => vec![gain; arm.dof()],
@@ -489,21 +552,29 @@ fn pick_up(value: &Bound<'_, PyAny>, link: usize) -> PyResult<PickUp> {
 
 /// The arm with what turns it.
 fn simulator(robot: &Bound<'_, PyAny>, options: &Keywords<'_, '_>) -> PyResult<Simulator> {
-    let integrator = options.word("integrator")?.map(|word| choice("integrator", &word, &INTEGRATORS)).transpose()?;
+    let integrator = options
+        .word("integrator")?
+        .map(|word| choice("integrator", &word, &INTEGRATORS))
+        .transpose()?;
     let step = options.number("step")?.unwrap_or(2.5e-4);
     let speed_limit = positive("speed_limit", options.number("speed_limit")?.unwrap_or(1000.0))?;
     let given: Option<Vec<Bound<'_, Drive>>> = match options.get("drives")? {
-        Some(drives) => Some(drives.extract().map_err(|_| wrong_type("drives", &drives, "a list of Drive"))?),
+        Some(drives) => {
+            Some(drives.extract().map_err(|_| wrong_type("drives", &drives, "a list of Drive"))?)
+        }
         None => None,
     };
-    let given = given.map(|drives| drives.iter().map(|drive| drive.get().inner).collect::<Vec<_>>());
+    let given =
+        given.map(|drives| drives.iter().map(|drive| drive.get().inner).collect::<Vec<_>>());
     let (arm, drives, side) = if let Ok(robot) = robot.cast::<Robot>() {
         let robot = robot.get().inner.clone();
         let drives = given.unwrap_or_else(|| vec![core::Drive::default(); robot.dof()]);
         (robot, drives, vec![])
     } else if let Ok(model) = robot.cast::<Model>() {
         if given.is_some() {
-            return Err(invalid("drives: the model brings its own effects; give its `identified_robot` instead"));
+            return Err(invalid(
+                "drives: the model brings its own effects; give its `identified_robot` instead",
+            ));
         }
         let model = &model.get().inner;
         let (drives, side) = drives_from_model(model).map_err(IntoPyErr::into_py_err)?;
@@ -511,7 +582,8 @@ fn simulator(robot: &Bound<'_, PyAny>, options: &Keywords<'_, '_>) -> PyResult<S
     } else {
         return Err(wrong_type("robot", robot, "a Robot or Model"));
     };
-    let simulator = Simulator::new(&arm, &drives, integrator.unwrap_or(Integrator::SemiImplicitEuler), step);
+    let simulator =
+        Simulator::new(&arm, &drives, integrator.unwrap_or(Integrator::SemiImplicitEuler), step);
     let simulator = simulator.map_err(IntoPyErr::into_py_err)?.with_speed_limit(speed_limit);
     Ok(side.into_iter().fold(simulator, Simulator::with_side_torque))
 }
@@ -525,9 +597,12 @@ fn reference(value: &Bound<'_, PyAny>, robot: &CoreRobot) -> PyResult<Wanted> {
         let duration = sgpr_core::excitation::Trajectory::duration(&inner);
         return Ok((Box::new(inner), Some(duration)));
     }
-    if let Ok((rate_hz, q, dq, ddq)) = value.extract::<(f64, Bound<'_, PyAny>, Bound<'_, PyAny>, Bound<'_, PyAny>)>() {
+    if let Ok((rate_hz, q, dq, ddq)) =
+        value.extract::<(f64, Bound<'_, PyAny>, Bound<'_, PyAny>, Bound<'_, PyAny>)>()
+    {
         let rate_hz = positive("rate_hz", rate_hz)?;
-        let [q, dq, ddq] = crate::convert::Samples::together([("q", &q), ("dq", &dq), ("ddq", &ddq)], n)?;
+        let [q, dq, ddq] =
+            crate::convert::Samples::together([("q", &q), ("dq", &dq), ("ddq", &ddq)], n)?;
         if q.count() == 0 {
             return Err(invalid("reference: there is no sample"));
         }
@@ -548,12 +623,17 @@ pub(crate) fn models(
     let stream = StreamOptions::default().with_rate_hz(Some(1.0 / period));
     let Some(value) = value else { return Ok(vec![Box::new(RigidBody::new(robot))]) };
     let one = |item: &Bound<'_, PyAny>| -> PyResult<Option<Box<dyn InverseDynamics>>> {
-        let (found, model): (usize, Box<dyn InverseDynamics>) = if let Ok(robot) = item.cast::<Robot>() {
+        let (found, model): (usize, Box<dyn InverseDynamics>) = if let Ok(robot) =
+            item.cast::<Robot>()
+        {
             let robot = &robot.get().inner;
             (robot.dof(), Box::new(RigidBody::new(robot)))
         } else if let Ok(model) = item.cast::<Model>() {
             let model = &model.get().inner;
-            (model.robot().dof(), Box::new(model.predictor(&stream).map_err(IntoPyErr::into_py_err)?))
+            (
+                model.robot().dof(),
+                Box::new(model.predictor(&stream).map_err(IntoPyErr::into_py_err)?),
+            )
         } else if let Some(fitted) = semi_parametric(item)? {
             let model = &fitted.get().inner;
             let predictor = model.predictor(PredictorOptions::default(), &stream);
@@ -562,14 +642,18 @@ pub(crate) fn models(
             return Ok(None);
         };
         if found != robot.dof() {
-            return Err(invalid(format!("model: it has {found} joints, the arm has {}", robot.dof())));
+            return Err(invalid(format!(
+                "model: it has {found} joints, the arm has {}",
+                robot.dof()
+            )));
         }
         Ok(Some(model))
     };
     if let Some(model) = one(value)? {
         return Ok(vec![model]);
     }
-    let wrong = || wrong_type("model", value, "a Robot, a Model, a SemiParametricModel, or a list of them");
+    let wrong =
+        || wrong_type("model", value, "a Robot, a Model, a SemiParametricModel, or a list of them");
     let mut all = Vec::new();
     for item in value.try_iter().map_err(|_| wrong())? {
         all.push(one(&item?)?.ok_or_else(wrong)?);
@@ -589,10 +673,16 @@ fn controller(
     let model = models(options.get("model")?.as_ref(), arm, period)?;
     let law = options.get("controller")?;
     let law: Box<dyn Controller> = match law.as_ref().filter(|law| law.is_callable()) {
-        Some(callable) => Box::new(UserController { callable: callable.clone().unbind(), failure: failure.clone() }),
+        Some(callable) => Box::new(UserController {
+            callable: callable.clone().unbind(),
+            failure: failure.clone(),
+        }),
         None => {
-            let wrong = |law: &Bound<'_, PyAny>| wrong_type("controller", law, "a name or a callable");
-            let name = law.map_or(Ok("feed_forward".into()), |law| law.extract::<String>().map_err(|_| wrong(&law)))?;
+            let wrong =
+                |law: &Bound<'_, PyAny>| wrong_type("controller", law, "a name or a callable");
+            let name = law.map_or(Ok("feed_forward".into()), |law| {
+                law.extract::<String>().map_err(|_| wrong(&law))
+            })?;
             let known = [("feed_forward", 0), ("computed_torque", 1), ("impedance", 2), ("pd", 3)];
             match choice("controller", &name, &known)? {
                 0 => Box::new(FeedForward::new(model, gains)),
@@ -620,7 +710,12 @@ struct UserController {
 }
 
 impl UserController {
-    fn call(&self, measured: &Measurement<'_>, wanted: &Setpoint<'_>, tau: &mut [f64]) -> PyResult<()> {
+    fn call(
+        &self,
+        measured: &Measurement<'_>,
+        wanted: &Setpoint<'_>,
+        tau: &mut [f64],
+    ) -> PyResult<()> {
         Python::attach(|py| {
             let array = |values: &[f64]| PyArray1::from_slice(py, values);
             let arguments = (
@@ -632,7 +727,9 @@ impl UserController {
                 array(wanted.ddq),
             );
             let result = self.callable.bind(py).call1(arguments)?;
-            tau.copy_from_slice(Numbers::new("the controller's torque", &result)?.shaped(&[tau.len()])?.values());
+            tau.copy_from_slice(
+                Numbers::new("the controller's torque", &result)?.shaped(&[tau.len()])?.values(),
+            );
             Ok(())
         })
     }
@@ -641,7 +738,8 @@ impl UserController {
 impl Controller for UserController {
     fn torque(&mut self, measured: &Measurement<'_>, wanted: &Setpoint<'_>, tau: &mut [f64]) {
         if let Err(error) = self.call(measured, wanted, tau) {
-            // A torque that is not finite ends the simulation; the exception is raised instead of its error.
+            // A torque that is not finite ends the simulation; the exception is raised instead of
+            // its error.
             tau.fill(f64::NAN);
             *self.failure.lock().unwrap_or_else(PoisonError::into_inner) = Some(error);
         }

@@ -13,7 +13,8 @@ use crate::model::Model;
 use crate::semi_parametric::semi_parametric;
 
 /// Compares what a predictor says one sample after the other with recordings: the torques of
-/// `Model.predictor(rate_hz=..., purpose="expected_measurement")`, reset at the start of every stretch.
+/// `Model.predictor(rate_hz=..., purpose="expected_measurement")`, reset at the start of every
+/// stretch.
 ///
 /// Parameters
 /// ----------
@@ -22,9 +23,10 @@ use crate::semi_parametric::semi_parametric;
 /// processing : Model or Processing, optional
 ///     As for `compare`; not for a SemiParametricModel.
 /// causal : bool
-///     The predictor is given positions as logged through the filter in one pass, and their differences from the samples
-///     before: what a controller knows that measures positions alone. The filter makes the motion late. By default it is
-///     given the motion of `compare`, filtered without delay, which needs samples that come later.
+///     The predictor is given positions as logged through the filter in one pass, and their
+///     differences from the samples before: what a controller knows that measures positions alone.
+///     The filter makes the motion late. By default it is given the motion of `compare`, filtered
+///     without delay, which needs samples that come later.
 ///
 /// Returns
 /// -------
@@ -52,7 +54,8 @@ pub fn compare_streaming(
     let logs = log_set(py, recordings)?;
     let (comparison, model) = if let Ok(model) = model.cast::<Model>() {
         let model = model.get().inner.clone();
-        let found = detached(py, || core::compare_streaming(&model, &logs, processing.as_ref(), motion));
+        let found =
+            detached(py, || core::compare_streaming(&model, &logs, processing.as_ref(), motion));
         (found.map_err(IntoPyErr::into_py_err)?, model)
     } else if let Some(fitted) = semi_parametric(model)? {
         let fitted = fitted.get().inner.clone();

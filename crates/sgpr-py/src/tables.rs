@@ -12,8 +12,10 @@ pub fn figure(value: f64) -> String {
 /// A table for a notebook.
 pub fn html_table(head: &[&str], rows: impl Iterator<Item = Vec<String>>) -> String {
     let row = |tag: &str, cells: &[String]| {
-        let escape = |text: &String| text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;");
-        let cells: Vec<String> = cells.iter().map(|cell| format!("<{tag}>{}</{tag}>", escape(cell))).collect();
+        let escape =
+            |text: &String| text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;");
+        let cells: Vec<String> =
+            cells.iter().map(|cell| format!("<{tag}>{}</{tag}>", escape(cell))).collect();
         format!("<tr>{}</tr>", cells.concat())
     };
     let head: Vec<String> = head.iter().map(|&text| text.into()).collect();

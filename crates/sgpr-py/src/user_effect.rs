@@ -6,7 +6,9 @@ use std::sync::{Arc, Mutex, PoisonError};
 use numpy::{PyArray1, PyArray2, PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use sgpr_core::effects::{About, Constant, Context, Effect, EffectParameter, Entry, Needs, Scale, Site, registry};
+use sgpr_core::effects::{
+    About, Constant, Context, Effect, EffectParameter, Entry, Needs, Scale, Site, registry,
+};
 
 use crate::convert::texts;
 use crate::errors::invalid;
@@ -18,18 +20,19 @@ use crate::errors::invalid;
 /// name : str
 ///     Its name in results.
 /// function : callable
-///     ``function(joint, q, dq, ddq)`` with the joint's number and arrays of shape (N, n) in rad, rad/s, rad/s² (m);
-///     returns what the torque of that joint changes by per unit of each parameter: (N,) or (N, number of parameters).
-///     Constants come as keywords, channels as the keyword `channels`, a dict of arrays.
+///     ``function(joint, q, dq, ddq)`` with the joint's number and arrays of shape (N, n) in rad,
+///     rad/s, rad/s² (m); returns what the torque of that joint changes by per unit of each
+///     parameter: (N,) or (N, number of parameters). Constants come as keywords, channels as the
+///     keyword `channels`, a dict of arrays.
 /// parameters : list of str
 ///     Symbols of the parameters that are fitted; the torque is linear in them.
 /// constants : dict, optional
-///     Constants that enter nonlinearly: symbol -> (lowest, highest) or (lowest, highest, unit). They are searched within
-///     these bounds, in their logarithm if the lowest is above zero.
+///     Constants that enter nonlinearly: symbol -> (lowest, highest) or (lowest, highest, unit).
+///     They are searched within these bounds, in their logarithm if the lowest is above zero.
 /// channels : list of str, optional
-///     What the function needs beside the motion: "time" (N,) in s, "load" (N, n), the torque of the model without
-///     effects at single joints, in N·m (N), or the name of a channel of the logs (N,). Logs that lack one cannot test
-///     the effect.
+///     What the function needs beside the motion: "time" (N,) in s, "load" (N, n), the torque of
+///     the model without effects at single joints, in N·m (N), or the name of a channel of the logs
+///     (N,). Logs that lack one cannot test the effect.
 /// summary : str, optional
 ///     One sentence for a person.
 /// unit : str, optional
@@ -37,9 +40,10 @@ use crate::errors::invalid;
 ///
 /// Notes
 /// -----
-/// A predictor (`Model.predictor`) calls the function with arrays of one row, sample by sample; that takes memory. A
-/// function whose value in a row depends on other rows (a difference, a filter, a mean) cannot be streamed, and the
-/// predictor is refused; so is one that needs a channel other than "time" and "load".
+/// A predictor (`Model.predictor`) calls the function with arrays of one row, sample by
+/// sample; that takes memory. A function whose value in a row depends on other rows (a difference,
+/// a filter, a mean) cannot be streamed, and the predictor is refused; so is one that needs a
+/// channel other than "time" and "load".
 ///
 /// Examples
 /// --------
@@ -69,7 +73,8 @@ impl fmt::Debug for UserEffect {
 /// Effects that files may name.
 static REGISTERED: Mutex<Vec<UserEffect>> = Mutex::new(Vec::new());
 
-/// Makes an effect of your own known: files of models that have it are read, and `diagnose` looks for it by default.
+/// Makes an effect of your own known: files of models that have it are read, and `diagnose` looks
+/// for it by default.
 ///
 /// Parameters
 /// ----------
@@ -121,19 +126,24 @@ const TAKEN: [&str; 5] = ["joint", "q", "dq", "ddq", "channels"];
 /// Shares of the range from which a search starts.
 const STARTS: [f64; 4] = [0.125, 0.375, 0.625, 0.875];
 
-/// The catalogue's names live as long as the program; so do those of the few effects that a user makes.
+/// The catalogue's names live as long as the program; so do those of the few effects that a user
+/// makes.
 fn keep(text: &str) -> &'static str {
     Box::leak(text.to_string().into_boxed_str())
 }
 
 fn constant(symbol: &str, given: &Bound<'_, PyAny>) -> PyResult<Constant> {
-    let wrong = || invalid(format!("constants: `{symbol}` needs (lowest, highest) or (lowest, highest, unit)"));
+    let wrong = || {
+        invalid(format!("constants: `{symbol}` needs (lowest, highest) or (lowest, highest, unit)"))
+    };
     let (low, high, unit) = match given.extract::<(f64, f64)>() {
         Ok((low, high)) => (low, high, String::new()),
         Err(_) => given.extract::<(f64, f64, String)>().map_err(|_| wrong())?,
     };
     if TAKEN.contains(&symbol) {
-        return Err(invalid(format!("constants: `{symbol}` is an argument of the function already")));
+        return Err(invalid(format!(
+            "constants: `{symbol}` is an argument of the function already"
+        )));
     }
     if !(low.is_finite() && high.is_finite() && low < high) {
         return Err(invalid(format!(
@@ -171,16 +181,23 @@ impl UserEffect {
             return Err(invalid("parameters: an effect has at least one"));
         }
         let unit = keep(unit);
-        let parameters = symbols.iter().map(|symbol| EffectParameter::signed(keep(symbol), unit, unit)).collect();
+        let parameters = symbols
+            .iter()
+            .map(|symbol| EffectParameter::signed(keep(symbol), unit, unit))
+            .collect();
         let given = constants.map(|dict| dict.iter().collect::<Vec<_>>()).unwrap_or_default();
-        let constants = given.iter().map(|(symbol, bounds)| constant(&symbol.extract::<String>()?, bounds));
+        let constants =
+            given.iter().map(|(symbol, bounds)| constant(&symbol.extract::<String>()?, bounds));
         let summary = summary.unwrap_or_else(|| format!("Effect of the user: {name}."));
         Ok(Self {
             name,
             summary,
             parameters,
             constants: constants.collect::<PyResult<_>>()?,
-            channels: channels.map(|names| texts("channels", names)).transpose()?.unwrap_or_default(),
+            channels: channels
+                .map(|names| texts("channels", names))
+                .transpose()?
+                .unwrap_or_default(),
             function: Arc::new(function),
             failure: Arc::default(),
         })
@@ -208,16 +225,28 @@ impl UserEffect {
         match name {
             "time" => (!context.time.is_empty()).then_some((context.time, false)),
             "load" => Some((context.torque, true)),
-            _ => context.channels.iter().find(|own| own.name == name).map(|own| (own.values.as_slice(), false)),
+            _ => context
+                .channels
+                .iter()
+                .find(|own| own.name == name)
+                .map(|own| (own.values.as_slice(), false)),
         }
     }
 
-    fn call(&self, joint: usize, context: &Context<'_>, constants: &[f64], out: &mut [Vec<f64>]) -> PyResult<()> {
+    fn call(
+        &self,
+        joint: usize,
+        context: &Context<'_>,
+        constants: &[f64],
+        out: &mut [Vec<f64>],
+    ) -> PyResult<()> {
         Python::attach(|py| {
             let (samples, n, width) = (context.len(), context.dof(), out.len());
             let array = |values: &[f64]| -> PyResult<Bound<'_, PyAny>> {
                 let rows: Vec<Vec<f64>> = values.chunks_exact(n).map(<[f64]>::to_vec).collect();
-                Ok(PyArray2::from_vec2(py, &rows).map_err(|error| invalid(error.to_string()))?.into_any())
+                Ok(PyArray2::from_vec2(py, &rows)
+                    .map_err(|error| invalid(error.to_string()))?
+                    .into_any())
             };
             let given = (joint, array(context.q)?, array(context.dq)?, array(context.ddq)?);
             let keywords = PyDict::new(py);
@@ -227,30 +256,45 @@ impl UserEffect {
             if !self.channels.is_empty() {
                 let channels = PyDict::new(py);
                 for name in &self.channels {
-                    let missing = || invalid(format!("{}: the trajectory has no channel `{name}`", self.name));
+                    let missing = || {
+                        invalid(format!("{}: the trajectory has no channel `{name}`", self.name))
+                    };
                     let (values, of_joints) = Self::channel(name, context).ok_or_else(missing)?;
-                    let values = if of_joints { array(values)? } else { PyArray1::from_slice(py, values).into_any() };
+                    let values = if of_joints {
+                        array(values)?
+                    } else {
+                        PyArray1::from_slice(py, values).into_any()
+                    };
                     channels.set_item(name, values)?;
                 }
                 keywords.set_item("channels", channels)?;
             }
-            let result = self.function.bind(py).call(given, Some(&keywords)).inspect_err(|error| {
-                // What the function raises stays what it is, and says where it comes from.
-                let _ = error
-                    .value(py)
-                    .call_method1("add_note", (format!("in the formula of the effect `{}`", self.name),));
-            })?;
+            let result =
+                self.function.bind(py).call(given, Some(&keywords)).inspect_err(|error| {
+                    // What the function raises stays what it is, and says where it comes from.
+                    let _ = error.value(py).call_method1(
+                        "add_note",
+                        (format!("in the formula of the effect `{}`", self.name),),
+                    );
+                })?;
             let kwargs = PyDict::new(py);
             kwargs.set_item("dtype", "float64")?;
             let result = py.import("numpy")?.call_method("asarray", (result,), Some(&kwargs))?;
             let columns: PyReadonlyArrayDyn<'_, f64> = result.extract()?;
             let shape = columns.shape().to_vec();
             if shape != [samples, width] && !(width == 1 && shape == [samples]) {
-                return Err(invalid(format!("{}: got {shape:?}, expected ({samples}, {width})", self.name)));
+                return Err(invalid(format!(
+                    "{}: got {shape:?}, expected ({samples}, {width})",
+                    self.name
+                )));
             }
             for (index, value) in columns.as_array().iter().enumerate() {
                 if !value.is_finite() {
-                    return Err(invalid(format!("{}: a value in row {} is not finite", self.name, index / width)));
+                    return Err(invalid(format!(
+                        "{}: a value in row {} is not finite",
+                        self.name,
+                        index / width
+                    )));
                 }
                 out[index % width][index / width] = *value;
             }
@@ -296,13 +340,20 @@ impl Effect for UserEffect {
     }
 
     fn failure(&self) -> Option<String> {
-        self.failure.lock().unwrap_or_else(PoisonError::into_inner).take().map(|error| error.to_string())
+        self.failure
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .take()
+            .map(|error| error.to_string())
     }
 
     fn not_testable(&self, context: &Context<'_>) -> Option<String> {
         let missing = self.channels.iter().find(|name| Self::channel(name, context).is_none())?;
         Some(match missing.as_str() {
-            "time" => "the logs do not share a clock: their times overlap, or span more than four hours".into(),
+            "time" => {
+                "the logs do not share a clock: their times overlap, or span more than four hours"
+                    .into()
+            }
             name => format!("no channel `{name}` in the logs"),
         })
     }
@@ -315,7 +366,13 @@ impl Effect for UserEffect {
         Entry::Trajectory
     }
 
-    fn trajectory_columns(&self, site: Site, context: &Context<'_>, constants: &[f64], out: &mut [Vec<f64>]) {
+    fn trajectory_columns(
+        &self,
+        site: Site,
+        context: &Context<'_>,
+        constants: &[f64],
+        out: &mut [Vec<f64>],
+    ) {
         let joint = site.joint().unwrap_or_default();
         if let Err(error) = self.call(joint, context, constants, out) {
             out.iter_mut().for_each(|column| column.fill(0.0));

@@ -12,9 +12,9 @@ pub(super) enum Moment {
     TimeOfDay(i64),
 }
 
-/// Reads ISO 8601 (`2026-03-03T09:15:00.000+01:00`, with a blank for the `T`, `/` for `-`, a comma for the point, or without
-/// zone), the same with a date like `03.03.2026`, or a time of day (`09:15:00.000`). Dates like `03/04/2026`, which mean
-/// two days, are not read.
+/// Reads ISO 8601 (`2026-03-03T09:15:00.000+01:00`, with a blank for the `T`, `/` for `-`, a comma
+/// for the point, or without zone), the same with a date like `03.03.2026`, or a time of day
+/// (`09:15:00.000`). Dates like `03/04/2026`, which mean two days, are not read.
 pub(super) fn moment(text: &str) -> Option<Moment> {
     let text = text.trim();
     if !text.is_ascii() {
@@ -58,7 +58,8 @@ fn day_number(text: &str) -> Option<i64> {
     if !(1..=length).contains(&day) {
         return None;
     }
-    // Years begin in March, so that the odd day is the last one; the months before have 30.6 days on average.
+    // Years begin in March, so that the odd day is the last one; the months before have 30.6 days
+    // on average.
     let (year, month) = if month > 2 { (year, month - 3) } else { (year - 1, month + 9) };
     let days = 365 * year + year.div_euclid(4) - year.div_euclid(100) + year.div_euclid(400);
     /// Days from 0000-03-01 to 1970-01-01.
@@ -81,8 +82,9 @@ fn zone(text: &str) -> Option<(&str, i64)> {
         _ => return None,
     };
     let seconds = 3600 * hours + 60 * minutes;
-    (hours < 24 && minutes < 60)
-        .then(|| (text[..at].trim_end(), if text.as_bytes()[at] == b'-' { -seconds } else { seconds }))
+    (hours < 24 && minutes < 60).then(|| {
+        (text[..at].trim_end(), if text.as_bytes()[at] == b'-' { -seconds } else { seconds })
+    })
 }
 
 /// ns since midnight of `09:15`, `09:15:00` or `09:15:00.000`.

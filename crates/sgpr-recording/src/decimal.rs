@@ -1,7 +1,7 @@
 //! Decimal text to integer nanoseconds, without a detour through floating point.
 
-/// `text`, a decimal number of 10^`power` ns, in ns, rounded half away from zero; `None` if it is no number or does not
-/// fit.
+/// `text`, a decimal number of 10^`power` ns, in ns, rounded half away from zero; `None` if it is
+/// no number or does not fit.
 pub(super) fn nanoseconds(text: &str, power: i32) -> Option<i64> {
     let (negative, unsigned) = match text.as_bytes() {
         [b'-', ..] => (true, &text[1..]),
@@ -70,9 +70,21 @@ mod tests {
 
     #[test]
     fn what_is_no_time() {
-        for text in
-            ["", ".", "-", "abc", "1.2.3", "1e", "1e999999999999", "nan", "inf", "1 2", "9300000000", "--1", "1e50"]
-        {
+        for text in [
+            "",
+            ".",
+            "-",
+            "abc",
+            "1.2.3",
+            "1e",
+            "1e999999999999",
+            "nan",
+            "inf",
+            "1 2",
+            "9300000000",
+            "--1",
+            "1e50",
+        ] {
             assert_eq!(nanoseconds(text, 9), None, "{text}");
         }
     }

@@ -4,16 +4,18 @@ use std::any::Any;
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Values made of the log of a set, for all clones of it; of a log that is in no set nothing is kept.
+/// Values made of the log of a set, for all clones of it; of a log that is in no set nothing is
+/// kept.
 ///
-/// It says nothing about the log that the log does not: two logs are equal whatever is kept with them.
+/// It says nothing about the log that the log does not: two logs are equal whatever is kept with
+/// them.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Derived(Option<Arc<Mutex<DerivedValues>>>);
 
 type DerivedValues = VecDeque<Arc<dyn Any + Send + Sync>>;
 
-/// So many values of a type are kept, those used last: processed motion is larger than its log, and a diagnosis looks at
-/// it in two bands.
+/// So many values of a type are kept, those used last: processed motion is larger than its log, and
+/// a diagnosis looks at it in two bands.
 const MOST: usize = 2;
 
 impl Derived {
@@ -50,7 +52,10 @@ impl Derived {
 }
 
 /// The value that fits, which becomes the one used last.
-fn used<T: Any + Send + Sync>(values: &mut DerivedValues, fits: impl Fn(&T) -> bool) -> Option<Arc<T>> {
+fn used<T: Any + Send + Sync>(
+    values: &mut DerivedValues,
+    fits: impl Fn(&T) -> bool,
+) -> Option<Arc<T>> {
     let place = values.iter().position(|value| value.downcast_ref().is_some_and(&fits))?;
     let value = values.remove(place)?;
     values.push_back(value.clone());
@@ -75,7 +80,10 @@ mod tests {
                 made.set(made.get() + 1);
                 Ok::<i32, ()>(number)
             };
-            assert_eq!(kept.or_make(|known| *known == number, make).map(|value| *value), Ok(number));
+            assert_eq!(
+                kept.or_make(|known| *known == number, make).map(|value| *value),
+                Ok(number)
+            );
             made.get()
         };
         let off = Derived::default();

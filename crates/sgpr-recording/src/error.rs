@@ -48,7 +48,8 @@ pub enum RecordingError {
     },
     /// More data than the caller allows.
     #[error(
-        "{path}: more than {limit} bytes of unpacked data; if that is right, raise `limit_bytes` or read a part of the log"
+        "{path}: more than {limit} bytes of unpacked data; if that is right, raise `limit_bytes` \
+         or read a part of the log"
     )]
     TooLarge {
         /// File.
@@ -67,7 +68,10 @@ pub enum RecordingError {
         limit: usize,
     },
     /// More columns than any log has.
-    #[error("{path}: {found} columns (at most {limit} are read): is this a CSV file with one row per sample?")]
+    #[error(
+        "{path}: {found} columns (at most {limit} are read): is this a CSV file with one row per \
+         sample?"
+    )]
     TooManyColumns {
         /// File.
         path: String,
@@ -78,7 +82,8 @@ pub enum RecordingError {
     },
     /// Numbers where the names of the columns should be.
     #[error(
-        "{path}:1: the first line holds numbers ({first_line}): begin with a line of column names, e.g. t,q_1,dq_1,tau_1"
+        "{path}:1: the first line holds numbers ({first_line}): begin with a line of column names, \
+         e.g. t,q_1,dq_1,tau_1"
     )]
     NoHeader {
         /// File.
@@ -109,7 +114,8 @@ pub enum RecordingError {
     },
     /// A row with too few or too many cells.
     #[error(
-        "{path}:{line}: {found} cells, but the header names {expected} columns: mend the line, or read the rows before or behind it alone (`rows`)"
+        "{path}:{line}: {found} cells, but the header names {expected} columns: mend the line, or \
+         read the rows before or behind it alone (`rows`)"
     )]
     RowLength {
         /// File.
@@ -122,7 +128,10 @@ pub enum RecordingError {
         found: usize,
     },
     /// Text in a column of numbers.
-    #[error("{path}:{line}: column `{column}`: `{text}` is not a number{}", why_no_number(column, text))]
+    #[error(
+        "{path}:{line}: column `{column}`: `{text}` is not a number{}",
+        why_no_number(column, text)
+    )]
     NotANumber {
         /// File.
         path: String,
@@ -134,7 +143,10 @@ pub enum RecordingError {
         text: String,
     },
     /// A time stamp that cannot be one.
-    #[error("{path}:{line}: column `{column}`: `{text}` is not a time in {unit}{}", why_no_time(column, text))]
+    #[error(
+        "{path}:{line}: column `{column}`: `{text}` is not a time in {unit}{}",
+        why_no_time(column, text)
+    )]
     NotATime {
         /// File.
         path: String,
@@ -149,7 +161,8 @@ pub enum RecordingError {
     },
     /// A log without time.
     #[error(
-        "{path}: no time column among {}; name it with `columns.time`, or give `sample_rate_hz` for a log of constant rate",
+        "{path}: no time column among {}; name it with `columns.time`, or give `sample_rate_hz` \
+         for a log of constant rate",
         quoted(columns)
     )]
     NoTime {
@@ -160,7 +173,9 @@ pub enum RecordingError {
     },
     /// No column was understood as a joint position.
     #[error(
-        "{path}: no joint positions among the columns {}; say which they are with `columns.position`, as a pattern ({}, where {{}} is the number of the joint; `{{name}}_position`) or as a list of columns",
+        "{path}: no joint positions among the columns {}; say which they are with \
+         `columns.position`, as a pattern ({}, where {{}} is the number of the joint; \
+         `{{name}}_position`) or as a list of columns",
         quoted(columns),
         patterns(unknown)
     )]
@@ -174,7 +189,8 @@ pub enum RecordingError {
     },
     /// The log has joints, but others than those wanted.
     #[error(
-        "{path}: the log has the joints {}, not {}: name its columns in the order of the robot with `columns.position`, such as position={}, and those of velocity and torque alike",
+        "{path}: the log has the joints {}, not {}: name its columns in the order of the robot \
+         with `columns.position`, such as position={}, and those of velocity and torque alike",
         quoted(found),
         quoted(joints),
         columns.join(",")
@@ -191,7 +207,8 @@ pub enum RecordingError {
     },
     /// Some joints have a column of this quantity and others none.
     #[error(
-        "{path}: no {quantity} column for {}; the columns are {}; say which they are with `columns.{quantity}`, or name the joints wanted with `joints`",
+        "{path}: no {quantity} column for {}; the columns are {}; say which they are with \
+         `columns.{quantity}`, or name the joints wanted with `joints`",
         quoted(missing),
         quoted(columns)
     )]
@@ -205,9 +222,11 @@ pub enum RecordingError {
         /// Columns found.
         columns: Vec<String>,
     },
-    /// Fewer numbered columns of this quantity than joints, and no number tells which joint has none.
+    /// Fewer numbered columns of this quantity than joints, and no number tells which joint has
+    /// none.
     #[error(
-        "{path}: got {} of {quantity} ({}) for {} ({}): say which joint each of them belongs to with `columns.{quantity}`, or name the joints that the log has with `joints`",
+        "{path}: got {} of {quantity} ({}) for {} ({}): say which joint each of them belongs to \
+         with `columns.{quantity}`, or name the joints that the log has with `joints`",
         counted(columns.len(), "column"),
         quoted(columns),
         counted(joints.len(), "joint"),
@@ -225,7 +244,8 @@ pub enum RecordingError {
     },
     /// Several columns could be meant.
     #[error(
-        "{path}: the {quantity} of joint `{joint}` could be any of {}: say which with `columns.{quantity}`",
+        "{path}: the {quantity} of joint `{joint}` could be any of {}: say which with \
+         `columns.{quantity}`",
         quoted(candidates)
     )]
     AmbiguousColumn {
@@ -240,7 +260,8 @@ pub enum RecordingError {
     },
     /// Joint numbers that can be counted in two ways.
     #[error(
-        "{path}: the columns {} count joints from 0 and there are more of them than the joints {}: say which are meant with `columns.{quantity}`",
+        "{path}: the columns {} count joints from 0 and there are more of them than the joints {}: \
+         say which are meant with `columns.{quantity}`",
         quoted(candidates),
         quoted(joints)
     )]
@@ -256,7 +277,8 @@ pub enum RecordingError {
     },
     /// Columns of one quantity that carry other numbers than those of the positions.
     #[error(
-        "{path}: the {quantity} columns {} are numbered otherwise than the position columns {}: say which belong to which joint with `columns.{quantity}`",
+        "{path}: the {quantity} columns {} are numbered otherwise than the position columns {}: \
+         say which belong to which joint with `columns.{quantity}`",
         quoted(columns),
         quoted(positions)
     )]
@@ -272,7 +294,9 @@ pub enum RecordingError {
     },
     /// Joints with names and columns with numbers, and nothing that tells which is which.
     #[error(
-        "{recording}: no name tells which of the joints {} is which of the columns {}: if the columns are numbered in the order of the joints, confirm it with `accept=[\"joints_by_order\"]`; else name them with `columns.position`",
+        "{recording}: no name tells which of the joints {} is which of the columns {}: if the \
+         columns are numbered in the order of the joints, confirm it with \
+         `accept=[\"joints_by_order\"]`; else name them with `columns.position`",
         quoted(joints),
         quoted(columns)
     )]
@@ -286,7 +310,9 @@ pub enum RecordingError {
     },
     /// Constants in the order of joints whose order nobody has told.
     #[error(
-        "{path}: torque constants come in the order of the robot's joints, but only the log tells the joints here ({}): name the joints in order with `joints`, or the joint of each constant ({}=...)",
+        "{path}: torque constants come in the order of the robot's joints, but only the log tells \
+         the joints here ({}): name the joints in order with `joints`, or the joint of each \
+         constant ({}=...)",
         quoted(joints),
         joints[0]
     )]
@@ -308,7 +334,8 @@ pub enum RecordingError {
     },
     /// Motor currents named as torques.
     #[error(
-        "{path}: the columns {} hold motor currents in A, not torques: give `torque_constants`, N·m per A; or, if they are torques, their unit with `units.torque`",
+        "{path}: the columns {} hold motor currents in A, not torques: give `torque_constants`, \
+         N·m per A; or, if they are torques, their unit with `units.torque`",
         quoted(columns)
     )]
     CurrentsAsTorques {
@@ -319,7 +346,8 @@ pub enum RecordingError {
     },
     /// A unit in the name of a column, or in the line of units, that is not known.
     #[error(
-        "{path}: column `{column}`: `{unit}` is no known unit of {quantity}: give the unit with `units.{quantity}`{}",
+        "{path}: column `{column}`: `{unit}` is no known unit of {quantity}: give the unit with \
+         `units.{quantity}`{}",
         if *quantity == "torque" { ", or what one of it is in N·m with `torque_constants`" } else { "" }
     )]
     ColumnUnit {
@@ -387,7 +415,11 @@ pub enum RecordingError {
         finding: String,
     },
     /// A finding that cannot be taken as it is.
-    #[error("accept: `{kind}` cannot be confirmed{}; what can be are {}", suggestion(kind, known), quoted(known))]
+    #[error(
+        "accept: `{kind}` cannot be confirmed{}; what can be are {}",
+        suggestion(kind, known),
+        quoted(known)
+    )]
     NotConfirmable {
         /// What was given.
         kind: String,
@@ -417,7 +449,11 @@ pub enum RecordingError {
         found: usize,
     },
     /// A requested joint that is not in the log.
-    #[error("{recording}: there is no joint `{joint}`{}; the joints are {}", suggestion(joint, known), quoted(known))]
+    #[error(
+        "{recording}: there is no joint `{joint}`{}; the joints are {}",
+        suggestion(joint, known),
+        quoted(known)
+    )]
     UnknownJoint {
         /// File or recording.
         recording: String,
@@ -436,7 +472,9 @@ pub enum RecordingError {
     },
     /// Time that does not run forward, where it must.
     #[error(
-        "{recording}: the time does not increase at sample {sample} ({seconds} s after the start): repair with `sort` and `drop_duplicates` first, or read the parts of a log that was restarted one by one (`rows`)"
+        "{recording}: the time does not increase at sample {sample} ({seconds} s after the start): \
+         repair with `sort` and `drop_duplicates` first, or read the parts of a log that was \
+         restarted one by one (`rows`)"
     )]
     UnsortedTime {
         /// Recording.
@@ -456,7 +494,8 @@ pub enum RecordingError {
     },
     /// A file that ends before its end.
     #[error(
-        "{path}: the file is truncated: what begins at byte {byte} is incomplete; {messages} messages are readable: set `recover` to take them"
+        "{path}: the file is truncated: what begins at byte {byte} is incomplete; {messages} \
+         messages are readable: set `recover` to take them"
     )]
     Truncated {
         /// File.
@@ -467,7 +506,10 @@ pub enum RecordingError {
         messages: u64,
     },
     /// A file that is damaged.
-    #[error("{path}: damaged at byte {byte}: {cause}; set `recover` to take the messages that are intact")]
+    #[error(
+        "{path}: damaged at byte {byte}: {cause}; set `recover` to take the messages that are \
+         intact"
+    )]
     Damaged {
         /// File.
         path: String,
@@ -490,7 +532,8 @@ pub enum RecordingError {
     },
     /// No topic with joint states.
     #[error(
-        "{path}: no topic with joint states (sensor_msgs/msg/JointState, or JSON with `position` or `q`); the topics are {}",
+        "{path}: no topic with joint states (sensor_msgs/msg/JointState, or JSON with `position` \
+         or `q`); the topics are {}",
         quoted(topics)
     )]
     NoJointStates {
@@ -514,7 +557,10 @@ pub enum RecordingError {
         known: Vec<String>,
     },
     /// Several topics carry one joint.
-    #[error("{path}: the joint `{joint}` is on the topics {}: choose with `topics`", quoted(topics))]
+    #[error(
+        "{path}: the joint `{joint}` is on the topics {}: choose with `topics`",
+        quoted(topics)
+    )]
     AmbiguousTopics {
         /// File.
         path: String,
@@ -524,7 +570,10 @@ pub enum RecordingError {
         topics: Vec<String>,
     },
     /// Topics that never overlap in time.
-    #[error("{path}: the topics {} have no time in common: read them one by one with `topics`", quoted(topics))]
+    #[error(
+        "{path}: the topics {} have no time in common: read them one by one with `topics`",
+        quoted(topics)
+    )]
     NoCommonTime {
         /// File.
         path: String,
@@ -541,8 +590,8 @@ pub enum RecordingError {
     },
 }
 
-const NAMES_AGAIN: &str =
-    " (the names of the columns come again here, as where logs were put together: read the parts one by one, `rows`)";
+const NAMES_AGAIN: &str = " (the names of the columns come again here, as where logs were put \
+     together: read the parts one by one, `rows`)";
 
 /// What may be wrong with a cell that holds no number.
 fn why_no_number(column: &str, text: &str) -> &'static str {
@@ -551,8 +600,10 @@ fn why_no_number(column: &str, text: &str) -> &'static str {
 
 /// What other programs write that is no number.
 fn why_not_read(text: &str) -> Option<&'static str> {
-    let mut groups = text.trim_start_matches(['-', '+']).split(['.', ',', '\'', '\u{a0}', '\u{202f}', ' ']);
-    let is_digits = |group: &str| !group.is_empty() && group.bytes().all(|byte| byte.is_ascii_digit());
+    let mut groups =
+        text.trim_start_matches(['-', '+']).split(['.', ',', '\'', '\u{a0}', '\u{202f}', ' ']);
+    let is_digits =
+        |group: &str| !group.is_empty() && group.bytes().all(|byte| byte.is_ascii_digit());
     let first = groups.next().is_some_and(|group| group.len() <= 3 && is_digits(group));
     let rest: Vec<&str> = groups.collect();
     let thousands = rest.len() >= 2 && rest[..rest.len() - 1].iter().all(|group| group.len() == 3);
@@ -560,7 +611,8 @@ fn why_not_read(text: &str) -> Option<&'static str> {
         Some(" (it has a separator of thousands: export the numbers without)")
     } else if text.starts_with('#') {
         Some(
-            " (a spreadsheet has no value there: take the row out, or write `nan` there and drop such samples (repair: drop_not_finite))",
+            " (a spreadsheet has no value there: take the row out, or write `nan` there and drop \
+             such samples (repair: drop_not_finite))",
         )
     } else {
         None
@@ -575,8 +627,8 @@ fn why_no_time(column: &str, text: &str) -> &'static str {
         Err(_) if text.is_empty() => "",
         Err(_) if why_not_read(text).is_some() => why_not_read(text).unwrap_or_default(),
         Err(_) => {
-            " (times are numbers, ISO 8601 such as 2026-03-03T09:15:00.000Z, or times of day such as 09:15:00.000; a line of \
-             units is understood right below the names)"
+            " (times are numbers, ISO 8601 such as 2026-03-03T09:15:00.000Z, or times of day such \
+             as 09:15:00.000; a line of units is understood right below the names)"
         }
     }
 }

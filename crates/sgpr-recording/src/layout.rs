@@ -60,7 +60,10 @@ impl JointLayout {
 impl Layout {
     /// The same for the joints at these places, in this order.
     pub(super) fn select(&self, places: &[usize]) -> Self {
-        Self { joints: places.iter().map(|&place| self.joints[place].clone()).collect(), ..self.clone() }
+        Self {
+            joints: places.iter().map(|&place| self.joints[place].clone()).collect(),
+            ..self.clone()
+        }
     }
 
     /// The same with other names for the joints.
@@ -75,22 +78,28 @@ impl Layout {
     fn common_unit(&self, quantity: &str) -> Option<String> {
         let mut columns = self.joints.iter().filter_map(|joint| joint.column(quantity));
         let first = columns.next()?;
-        let same = |other: &ColumnLayout| (&other.unit, other.stated) == (&first.unit, first.stated);
-        let current = if first.torque_constant.is_some() { " times the torque constant" } else { "" };
+        let same =
+            |other: &ColumnLayout| (&other.unit, other.stated) == (&first.unit, first.stated);
+        let current =
+            if first.torque_constant.is_some() { " times the torque constant" } else { "" };
         let how = if first.stated { "" } else { " (assumed)" };
         columns.all(same).then(|| format!("{quantity} in {}{current}{how}", first.unit))
     }
 }
 
 impl fmt::Display for Layout {
-    /// One line: `joint_1 = q_1, dq_1, tau_1; joint_2 = ...; position in rad (m) (assumed), ...; time t in s`.
+    /// One line:
+    /// `joint_1 = q_1, dq_1, tau_1; joint_2 = ...; position in rad (m) (assumed), ...; time t in s`.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let quantities = ["position", "velocity", "torque"];
         let common = quantities.map(|quantity| self.common_unit(quantity));
         for joint in &self.joints {
             let shown = joint.columns().map(|(quantity, column)| {
-                let place = quantities.iter().position(|name| *name == quantity).expect("one of them");
-                let constant = column.torque_constant.map_or(String::new(), |constant| format!(" * {constant}"));
+                let place =
+                    quantities.iter().position(|name| *name == quantity).expect("one of them");
+                let constant = column
+                    .torque_constant
+                    .map_or(String::new(), |constant| format!(" * {constant}"));
                 let unit = match (&common[place], column.stated) {
                     (Some(_), _) => String::new(),
                     (None, true) => format!(" [{}]", column.unit),
@@ -122,13 +131,16 @@ mod tests {
             joint: format!("joint_{number}"),
             position: column(&format!("q_{number}"), unit, stated),
             velocity: None,
-            torque: Some(ColumnLayout { torque_constant: Some(9.5), ..column(&format!("i_{number}"), "A", true) }),
+            torque: Some(ColumnLayout {
+                torque_constant: Some(9.5),
+                ..column(&format!("i_{number}"), "A", true)
+            }),
         };
         let layout = |joints| Layout { time: "t in s".into(), joints, by_order: false };
         assert_eq!(
             layout(vec![joint(1, "deg", true), joint(2, "deg", true)]).to_string(),
-            "joint_1 = q_1, i_1 * 9.5; joint_2 = q_2, i_2 * 9.5; position in deg, torque in A times the torque constant; \
-             time t in s"
+            "joint_1 = q_1, i_1 * 9.5; joint_2 = q_2, i_2 * 9.5; position in deg, torque in A \
+             times the torque constant; time t in s"
         );
         assert_eq!(
             layout(vec![joint(1, "deg", true), joint(2, "rad (m)", false)]).to_string(),

@@ -1,7 +1,8 @@
 //! Logs of moving robot arms: reading, checking, repairing, writing.
 //!
-//! A [`Recording`] is one trajectory as it was logged. Readers ([`csv`], [`mcap`]) convert units at the border, check
-//! nothing away and repair nothing: what is wrong with a log is found by [`inspect`], and changed only by [`repair`].
+//! A [`Recording`] is one trajectory as it was logged. Readers ([`csv`], [`mcap`]) convert units at
+//! the border, check nothing away and repair nothing: what is wrong with a log is found by
+//! [`inspect`], and changed only by [`repair`].
 
 #![warn(clippy::too_many_lines)]
 #![forbid(unsafe_code)]
@@ -45,8 +46,8 @@ pub use repetition::repeated_share;
 pub use sgpr_predict::effects::Channel;
 pub use units::{PositionUnit, TimeUnit, TorqueUnit, Units, VelocityUnit};
 
-/// What `sgpr-core` takes of this crate beside its interface. No part of that: it changes without notice, and so do methods that
-/// the documentation does not list.
+/// What `sgpr-core` takes of this crate beside its interface. No part of that: it changes without
+/// notice, and so do methods that the documentation does not list.
 #[doc(hidden)]
 pub mod internal {
     pub use crate::inspect::{MOST_JITTER, is_still, jitter};
@@ -61,7 +62,8 @@ pub static FORMATS: [&Format; 2] = [&csv::FORMAT, &mcap::FORMAT];
 /// Largest amount of unpacked data that readers take unless told otherwise.
 const DEFAULT_LIMIT_BYTES: u64 = 4 << 30;
 
-/// One trajectory as it was logged. Samples are rows, joints are columns; SI units; time in integer nanoseconds.
+/// One trajectory as it was logged. Samples are rows, joints are columns; SI units; time in integer
+/// nanoseconds.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Recording {
     source: String,
@@ -100,7 +102,11 @@ impl Recording {
     ) -> Result<Self, RecordingError> {
         let source = source.into();
         let expected = time.len() * joint_names.len();
-        let arrays = [("position", Some(&position)), ("velocity", velocity.as_ref()), ("torque", torque.as_ref())];
+        let arrays = [
+            ("position", Some(&position)),
+            ("velocity", velocity.as_ref()),
+            ("torque", torque.as_ref()),
+        ];
         for (name, values) in arrays {
             if let Some(values) = values.filter(|values| values.len() != expected) {
                 return Err(RecordingError::Length {
@@ -113,7 +119,12 @@ impl Recording {
         }
         if let Some(channel) = channels.iter().find(|channel| channel.values.len() != time.len()) {
             let (array, found) = (channel.name.clone(), channel.values.len());
-            return Err(RecordingError::Length { recording: source, array, expected: time.len(), found });
+            return Err(RecordingError::Length {
+                recording: source,
+                array,
+                expected: time.len(),
+                found,
+            });
         }
         Ok(Self {
             source,
@@ -157,8 +168,8 @@ impl Recording {
         self
     }
 
-    /// The same recording with findings that its owner has looked at and takes as they are: [`inspect`] makes notes of
-    /// them.
+    /// The same recording with findings that its owner has looked at and takes as they are:
+    /// [`inspect`] makes notes of them.
     #[must_use]
     pub fn accepting(mut self, kinds: &[IssueKind]) -> Self {
         self.accepted.extend(kinds);
@@ -253,20 +264,24 @@ impl Recording {
         &self.accepted
     }
 
-    /// A number that recordings with the same joints, times and values share, whatever their source, and others do not: two
-    /// recordings with one hash are copies. Channels do not count.
+    /// A number that recordings with the same joints, times and values share, whatever their
+    /// source, and others do not: two recordings with one hash are copies. Channels do not count.
     ///
     /// Source: FNV-1a of 128 bits (Fowler, Noll, Vo; RFC 9923).
     pub fn content_hash(&self) -> u128 {
         const PRIME: u128 = 0x0000_0000_0100_0000_0000_0000_0000_013b;
         const OFFSET: u128 = 0x6c62_272e_07bb_0142_62b8_2175_6295_c58d;
         let fold = |hash: u128, byte: u8| (hash ^ u128::from(byte)).wrapping_mul(PRIME);
-        // A name ends in a byte that no text holds, and the name of an array stands before it: a torque is no velocity.
+        // A name ends in a byte that no text holds, and the name of an array stands before it: a
+        // torque is no velocity.
         let text = |hash: u128, text: &str| text.bytes().chain([0xff]).fold(hash, fold);
         let mut hash = self.joint_names.iter().fold(OFFSET, |hash, name| text(hash, name));
         hash = self.time.iter().flat_map(|time| time.to_le_bytes()).fold(hash, fold);
         for (name, values) in self.arrays() {
-            hash = values.iter().flat_map(|value| value.to_bits().to_le_bytes()).fold(text(hash, name), fold);
+            hash = values
+                .iter()
+                .flat_map(|value| value.to_bits().to_le_bytes())
+                .fold(text(hash, name), fold);
         }
         hash
     }
@@ -285,7 +300,8 @@ impl Recording {
         }
     }
 
-    /// One over the median period, Hz; `None` with fewer than two samples or a time that stands still.
+    /// One over the median period, Hz; `None` with fewer than two samples or a time that stands
+    /// still.
     pub fn sample_rate_hz(&self) -> Option<f64> {
         let period = self.median_period();
         (period > 0.0).then(|| 1.0 / period)
@@ -308,7 +324,8 @@ impl Recording {
         Self { kept: Derived::default(), ..self.clone() }
     }
 
-    /// What `make` makes of the log; if it is one of a [`LogSet`], what was made before of it or of its joints and `fits`.
+    /// What `make` makes of the log; if it is one of a [`LogSet`], what was made before of it or of
+    /// its joints and `fits`.
     ///
     /// - `fits`: has to know what it is made with, the joints among it
     #[doc(hidden)]
@@ -322,7 +339,11 @@ impl Recording {
 
     /// The arrays that are there, with their names.
     fn arrays(&self) -> impl Iterator<Item = (&'static str, &[f64])> {
-        let arrays = [("position", Some(self.position())), ("velocity", self.velocity()), ("torque", self.torque())];
+        let arrays = [
+            ("position", Some(self.position())),
+            ("velocity", self.velocity()),
+            ("torque", self.torque()),
+        ];
         arrays.into_iter().filter_map(|(name, values)| Some((name, values?)))
     }
 }
@@ -332,7 +353,8 @@ fn write_file(
     path: &Path,
     fill: impl FnOnce(&mut BufWriter<&mut NamedTempFile>) -> io::Result<()>,
 ) -> Result<(), RecordingError> {
-    let unwritable = |source| RecordingError::Unwritable { path: path.display().to_string(), source };
+    let unwritable =
+        |source| RecordingError::Unwritable { path: path.display().to_string(), source };
     sgpr_predict::internal::atomic_file::write(path, fill).map_err(unwritable)
 }
 
@@ -351,7 +373,10 @@ fn require_joint_list(recording: &str, joints: &[String]) -> Result<(), Recordin
         return Err(RecordingError::InvalidOption { option, value: "[]".into(), expected });
     }
     match joints.iter().enumerate().find(|(index, joint)| joints[..*index].contains(joint)) {
-        Some((_, joint)) => Err(RecordingError::DuplicateJoint { recording: recording.into(), joint: joint.clone() }),
+        Some((_, joint)) => Err(RecordingError::DuplicateJoint {
+            recording: recording.into(),
+            joint: joint.clone(),
+        }),
         None => Ok(()),
     }
 }

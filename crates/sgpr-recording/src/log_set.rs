@@ -1,4 +1,5 @@
-//! The logs of one robot as a set: what is in two of them counts once, and their order does not matter.
+//! The logs of one robot as a set: what is in two of them counts once, and their order does not
+//! matter.
 
 use std::cmp::Ordering;
 use std::collections::HashMap;
@@ -10,14 +11,16 @@ use super::Recording;
 
 /// The logs of one robot, every sample once.
 ///
-/// A log that is a copy of another, under whatever name, is left out; of logs that overlap, the samples that a log before
-/// has are left out, as recorders write them that cut a stream into files. Samples are the same if all positions and torques
-/// of a run of them are the same numbers: those of another run of the same motion have other noise.
+/// A log that is a copy of another, under whatever name, is left out; of logs that overlap, the
+/// samples that a log before has are left out, as recorders write them that cut a stream into
+/// files. Samples are the same if all positions and torques of a run of them are the same numbers:
+/// those of another run of the same motion have other noise.
 ///
-/// A set goes wherever logs go, as a slice of its logs, and results are those of the list that it was made of. It never
-/// changes, and its clones share all that it holds. What filters and derivatives make of its logs is kept with them, of the
-/// two ways of processing that were asked for last: identification, comparison, diagnosis and processes find the motion of a
-/// log of a set once.
+/// A set goes wherever logs go, as a slice of its logs, and results are those of the list that it
+/// was made of. It never changes, and its clones share all that it holds. What filters and
+/// derivatives make of its logs is kept with them, of the two ways of processing that were asked
+/// for last: identification, comparison, diagnosis and processes find the motion of a log of a set
+/// once.
 ///
 /// # Examples
 /// ```
@@ -43,8 +46,8 @@ pub struct LogSet {
     notes: Arc<[String]>,
 }
 
-/// Shorter runs may be alike by chance, where an arm stands and numbers are coarse: so many samples that differ from the
-/// one before. Shorter rests between runs are not worth a log.
+/// Shorter runs may be alike by chance, where an arm stands and numbers are coarse: so many samples
+/// that differ from the one before. Shorter rests between runs are not worth a log.
 const LEAST: usize = 50;
 
 /// Every so many samples of a known log are looked for in others; at most [`LEAST`].
@@ -53,7 +56,8 @@ const BETWEEN: usize = 32;
 impl LogSet {
     /// The logs in the order given.
     pub fn new(recordings: &[Recording]) -> Self {
-        let (mut logs, mut origins, mut notes) = (Vec::with_capacity(recordings.len()), vec![], vec![]);
+        let (mut logs, mut origins, mut notes) =
+            (Vec::with_capacity(recordings.len()), vec![], vec![]);
         let mut known = Known::default();
         for (origin, log) in recordings.iter().enumerate() {
             let shared = known.runs_of(log);
@@ -70,7 +74,8 @@ impl LogSet {
         Self::of(logs, origins, notes)
     }
 
-    /// Every log whole, whatever others hold of it: for predictions of each, not for figures over all.
+    /// Every log whole, whatever others hold of it: for predictions of each, not for figures over
+    /// all.
     pub fn whole(recordings: &[Recording]) -> Self {
         Self::of(recordings.to_vec(), (0..recordings.len()).collect(), vec![])
     }
@@ -80,8 +85,8 @@ impl LogSet {
         Self { logs: logs.into(), origins: origins.into(), notes: notes.into() }
     }
 
-    /// The logs in an order that follows from what is in them, by their first stamps and then by their content: whatever
-    /// order they are given in, the same log keeps what two share.
+    /// The logs in an order that follows from what is in them, by their first stamps and then by
+    /// their content: whatever order they are given in, the same log keeps what two share.
     pub fn sorted(recordings: &[Recording]) -> Self {
         let mut sorted = recordings.to_vec();
         sorted.sort_by(by_content);
@@ -93,7 +98,8 @@ impl LogSet {
         &self.logs
     }
 
-    /// For each of [`Self::logs`] the index of the log it is of, among those that [`Self::new`] was given.
+    /// For each of [`Self::logs`] the index of the log it is of, among those that [`Self::new`] was
+    /// given.
     pub fn origins(&self) -> &[usize] {
         &self.origins
     }
@@ -138,8 +144,9 @@ impl<const COUNT: usize> From<&[Recording; COUNT]> for LogSet {
 
 /// Runs of samples of `new` that one of the `known` logs has, too, in order, and which log that is.
 ///
-/// An error on samples that a fit has seen is none on unseen data. Samples are the same as in a [`LogSet`]: another run of
-/// the same motion has other noise and is found by [`repeated_share`](super::repeated_share).
+/// An error on samples that a fit has seen is none on unseen data. Samples are the same as in a
+/// [`LogSet`]: another run of the same motion has other noise and is found by
+/// [`repeated_share`](super::repeated_share).
 pub fn shared_samples(known: &[Recording], new: &Recording) -> Vec<(Range<usize>, usize)> {
     let mut logs = Known::default();
     known.iter().for_each(|log| logs.add(log));
@@ -159,19 +166,26 @@ fn by_content(a: &Recording, b: &Recording) -> Ordering {
         .then_with(|| a.time().cmp(b.time()))
 }
 
-fn note(log: &Recording, shared: &[(Range<usize>, usize)], own: &[Range<usize>], known: &Known<'_>) -> Option<String> {
+fn note(
+    log: &Recording,
+    shared: &[(Range<usize>, usize)],
+    own: &[Range<usize>],
+    known: &Known<'_>,
+) -> Option<String> {
     let (first, other) = shared.first()?;
     let (other, name) = (known.logs[*other], log.source());
     let what = if other.len() > log.len() { "part" } else { "copy" };
     let other = other.source();
     if own.is_empty() {
-        return Some(format!("{name} is a {what} of {other} and is left out: the same samples would count twice"));
+        return Some(format!(
+            "{name} is a {what} of {other} and is left out: the same samples would count twice"
+        ));
     }
     let count: usize = shared.iter().map(|(run, _)| run.len()).sum();
     let start = log.time_seconds()[first.start];
     Some(format!(
-        "{count} of {} samples of {name}, from {start:.2} s after its start on, are in {other}, too, and are left out: the \
-         same samples would count twice",
+        "{count} of {} samples of {name}, from {start:.2} s after its start on, are in {other}, \
+         too, and are left out: the same samples would count twice",
         log.len()
     ))
 }
@@ -213,8 +227,11 @@ impl<'a> Known<'a> {
         while sample < log.len() && !self.logs.is_empty() {
             let least = runs.last().map_or(0, |(run, _)| run.end);
             let places = self.places.get(&hash(log, sample)).into_iter().flatten();
-            let found = places.map(|&(other, there)| (self.run_around(log, sample, (other, there), least), other));
-            let longest = found.max_by_key(|(run, _)| run.len()).filter(|(run, _)| moves(log, run) >= LEAST);
+            let found = places.map(|&(other, there)| {
+                (self.run_around(log, sample, (other, there), least), other)
+            });
+            let longest =
+                found.max_by_key(|(run, _)| run.len()).filter(|(run, _)| moves(log, run) >= LEAST);
             match longest {
                 Some((run, other)) => {
                     sample = run.end;
@@ -226,13 +243,22 @@ impl<'a> Known<'a> {
         runs
     }
 
-    /// The samples of `log` from `least` on around `sample` that are those of a known log around `there`.
-    fn run_around(&self, log: &Recording, sample: usize, there: (usize, usize), least: usize) -> Range<usize> {
+    /// The samples of `log` from `least` on around `sample` that are those of a known log around
+    /// `there`.
+    fn run_around(
+        &self,
+        log: &Recording,
+        sample: usize,
+        there: (usize, usize),
+        least: usize,
+    ) -> Range<usize> {
         let (other, there) = (self.logs[there.0], there.1);
         let same = |a: usize, b: usize| is_same(log, a, other, b);
-        let after =
-            (0..(log.len() - sample).min(other.len() - there)).take_while(|k| same(sample + k, there + k)).count();
-        let before = (1..=(sample - least).min(there)).take_while(|k| same(sample - k, there - k)).count();
+        let after = (0..(log.len() - sample).min(other.len() - there))
+            .take_while(|k| same(sample + k, there + k))
+            .count();
+        let before =
+            (1..=(sample - least).min(there)).take_while(|k| same(sample - k, there - k)).count();
         sample - before..sample + after
     }
 }
@@ -242,9 +268,12 @@ fn moves(log: &Recording, run: &Range<usize>) -> usize {
     run.clone().skip(1).filter(|&k| !is_same(log, k - 1, log, k)).take(LEAST).count()
 }
 
-/// Whether all is the same but the source, as [`Recording::content_hash`] has it, also of an arm that stands.
+/// Whether all is the same but the source, as [`Recording::content_hash`] has it, also of an arm
+/// that stands.
 fn is_copy(a: &Recording, b: &Recording) -> bool {
-    let same = |a: &[f64], b: &[f64]| a.iter().map(|value| value.to_bits()).eq(b.iter().map(|value| value.to_bits()));
+    let same = |a: &[f64], b: &[f64]| {
+        a.iter().map(|value| value.to_bits()).eq(b.iter().map(|value| value.to_bits()))
+    };
     a.joint_names() == b.joint_names()
         && a.time() == b.time()
         && a.arrays().count() == b.arrays().count()
@@ -275,9 +304,12 @@ mod tests {
     fn log(name: &str, samples: Range<usize>) -> Recording {
         let wave = |k: usize| [(0.013 * k as f64).sin(), (0.7 + 0.0217 * k as f64).cos()];
         let time = (0..samples.len() as i64).map(|k| 10_000_000 * k).collect();
-        let (q, tau): (Vec<f64>, Vec<f64>) =
-            samples.flat_map(wave).map(|value| (value, 3.0 * value + 1e-3 * (1e4 * value).sin())).unzip();
-        Recording::new(name, vec!["a".into(), "b".into()], time, q, None, Some(tau), vec![]).expect("a recording")
+        let (q, tau): (Vec<f64>, Vec<f64>) = samples
+            .flat_map(wave)
+            .map(|value| (value, 3.0 * value + 1e-3 * (1e4 * value).sin()))
+            .unzip();
+        Recording::new(name, vec!["a".into(), "b".into()], time, q, None, Some(tau), vec![])
+            .expect("a recording")
     }
 
     fn lengths(logs: &[Recording]) -> Vec<usize> {
@@ -294,7 +326,10 @@ mod tests {
         assert_eq!(lengths(&parts), [216, 101, 83]);
         assert_eq!(LogSet::new(&parts).origins(), [0, 1, 1]);
         assert_eq!(lengths(&[log("a", 100..400), log("b", 0..211)]), [300, 100]);
-        assert_eq!(lengths(&[log("a", 0..400), log("b", 300..500), log("c", 430..600)]), [400, 100, 100]);
+        assert_eq!(
+            lengths(&[log("a", 0..400), log("b", 300..500), log("c", 430..600)]),
+            [400, 100, 100]
+        );
         // Fewer samples than could be no chance.
         assert_eq!(lengths(&[log("a", 0..400), log("b", 370..600)]), [400, 230]);
         let notes = LogSet::new(&[log("a", 0..400), log("b", 300..500)]).notes().to_vec();
@@ -316,8 +351,16 @@ mod tests {
     fn an_arm_that_stands_is_no_copy() {
         let still = |name: &str, start: i64| {
             let time = (start..start + 500).map(|k| 10_000_000 * k).collect();
-            Recording::new(name, vec!["a".into()], time, vec![0.3; 500], None, Some(vec![1.5; 500]), vec![])
-                .expect("a recording")
+            Recording::new(
+                name,
+                vec!["a".into()],
+                time,
+                vec![0.3; 500],
+                None,
+                Some(vec![1.5; 500]),
+                vec![],
+            )
+            .expect("a recording")
         };
         assert_eq!(lengths(&[still("a", 0), still("b", 900)]), [500, 500]);
         // The same stamps, too: it is the same file.
@@ -329,7 +372,11 @@ mod tests {
         // The first two overlap.
         let logs = [log("a", 0..400), log("b", 300..900), log("c", 1000..1300)];
         let names = |logs: &[Recording]| -> Vec<(String, usize)> {
-            LogSet::sorted(logs).logs().iter().map(|log| (log.source().to_string(), log.len())).collect()
+            LogSet::sorted(logs)
+                .logs()
+                .iter()
+                .map(|log| (log.source().to_string(), log.len()))
+                .collect()
         };
         let [a, b, c] = logs.clone();
         assert_eq!(names(&logs), names(&[c, a, b]));

@@ -32,7 +32,9 @@ impl Recording {
             if same {
                 return values.clone();
             }
-            Arc::new(values.chunks_exact(n).flat_map(|row| columns.iter().map(|&j| row[j])).collect())
+            Arc::new(
+                values.chunks_exact(n).flat_map(|row| columns.iter().map(|&j| row[j])).collect(),
+            )
         };
         Ok(Self {
             joint_names: names,
@@ -44,10 +46,10 @@ impl Recording {
         })
     }
 
-    /// The joints `names` of a robot. A log that only numbers its joints (`joint_1`, ..., what a reader makes of `q_1`) is
-    /// taken by the numbers that the names end in. If these have none and there are as many, it is taken in the order of
-    /// its numbers: arrays without further word, as they come in the order of the robot; files if
-    /// [`IssueKind::JointsByOrder`] is accepted.
+    /// The joints `names` of a robot. A log that only numbers its joints (`joint_1`, ..., what a
+    /// reader makes of `q_1`) is taken by the numbers that the names end in. If these have none and
+    /// there are as many, it is taken in the order of its numbers: arrays without further word, as
+    /// they come in the order of the robot; files if [`IssueKind::JointsByOrder`] is accepted.
     ///
     /// # Errors
     /// Those of [`Recording::select`], and numbers that do not tell which joint is which.
@@ -86,7 +88,8 @@ impl Recording {
 
     /// The numbers of the joints if they have no other names.
     fn numbers(&self) -> Option<Vec<u32>> {
-        let number = |name: &String| ending_number(name).filter(|number| *name == numbered(*number));
+        let number =
+            |name: &String| ending_number(name).filter(|number| *name == numbered(*number));
         self.joint_names.iter().map(number).collect()
     }
 
@@ -95,7 +98,11 @@ impl Recording {
     /// # Panics
     /// If the range reaches beyond the last sample.
     pub fn slice(&self, range: Range<usize>) -> Self {
-        assert!(range.start <= range.end && range.end <= self.len(), "samples {range:?} of {}", self.len());
+        assert!(
+            range.start <= range.end && range.end <= self.len(),
+            "samples {range:?} of {}",
+            self.len()
+        );
         self.pick(range)
     }
 
@@ -131,22 +138,29 @@ impl Recording {
         self.stretches(longest).filter(|part| !part.is_empty()).map(Cow::into_owned).collect()
     }
 
-    /// The stretches without a step longer than `longest` seconds, each copied when its turn comes; a recording without
-    /// such a step is its own stretch and not copied.
+    /// The stretches without a step longer than `longest` seconds, each copied when its turn comes;
+    /// a recording without such a step is its own stretch and not copied.
     fn stretches(&self, longest: f64) -> impl Iterator<Item = Cow<'_, Self>> {
         let steps = self.time.windows(2).enumerate();
-        let gaps = steps.filter(move |(_, pair)| seconds(pair[0], pair[1]) > longest).map(|(index, _)| index + 1);
+        let gaps = steps
+            .filter(move |(_, pair)| seconds(pair[0], pair[1]) > longest)
+            .map(|(index, _)| index + 1);
         let ends: Vec<usize> = gaps.chain([self.len()]).collect();
         let mut start = 0;
         ends.into_iter().map(move |end| {
             let range = std::mem::replace(&mut start, end)..end;
-            if range.len() == self.len() { Cow::Borrowed(self) } else { Cow::Owned(self.slice(range)) }
+            if range.len() == self.len() {
+                Cow::Borrowed(self)
+            } else {
+                Cow::Owned(self.slice(range))
+            }
         })
     }
 }
 
-/// The stretches of a recording between its gaps: steps of the time longer than `factor` median steps (see
-/// [`GAP_FACTOR`](super::GAP_FACTOR)). Nothing may be filtered or differentiated across their borders.
+/// The stretches of a recording between its gaps: steps of the time longer than `factor` median
+/// steps (see [`GAP_FACTOR`](super::GAP_FACTOR)). Nothing may be filtered or differentiated across
+/// their borders.
 ///
 /// # Panics
 /// If `factor` is not greater than 1.
@@ -171,8 +185,8 @@ pub(super) fn ending_number(name: &str) -> Option<u32> {
     name[stem.len()..].parse().ok()
 }
 
-/// Which of `numbers` each of the joints is that are numbered `own`: its own one, or, where all count from one and the
-/// numbers as many from zero, the one below. `None` if that does not tell.
+/// Which of `numbers` each of the joints is that are numbered `own`: its own one, or, where all
+/// count from one and the numbers as many from zero, the one below. `None` if that does not tell.
 ///
 /// - `numbers`: increasing
 pub(super) fn places_of_numbers(own: &[u32], numbers: &[u32]) -> Option<Vec<u32>> {
@@ -182,7 +196,8 @@ pub(super) fn places_of_numbers(own: &[u32], numbers: &[u32]) -> Option<Vec<u32>
     if distinct.len() != own.len() {
         return None;
     }
-    // More numbers than joints, from zero: the joint with number one may be the first or the second.
+    // More numbers than joints, from zero: the joint with number one may be the first or the
+    // second.
     let either = numbers.first() == Some(&0) && !own.contains(&0) && numbers.len() > own.len();
     if !either && own.iter().all(|number| numbers.binary_search(number).is_ok()) {
         return Some(own.to_vec());
@@ -193,13 +208,19 @@ pub(super) fn places_of_numbers(own: &[u32], numbers: &[u32]) -> Option<Vec<u32>
     (from_one && from_zero).then(|| own.iter().map(|number| number - 1).collect())
 }
 
-/// Which numbers the joints would have if none of them were missing among `numbers`: their own, or those from one or zero on,
-/// the first of these that hold all of them. `None` if no count of that many joints does.
+/// Which numbers the joints would have if none of them were missing among `numbers`: their own, or
+/// those from one or zero on, the first of these that hold all of them. `None` if no count of that
+/// many joints does.
 ///
 /// - `numbers`: increasing
-pub(super) fn numbers_with_gaps(own: Option<&[u32]>, numbers: &[u32], joints: usize) -> Option<Vec<u32>> {
+pub(super) fn numbers_with_gaps(
+    own: Option<&[u32]>,
+    numbers: &[u32],
+    joints: usize,
+) -> Option<Vec<u32>> {
     let count = u32::try_from(joints).ok()?;
-    let counts = [own.map(<[u32]>::to_vec), Some((1..=count).collect()), Some((0..count).collect())];
+    let counts =
+        [own.map(<[u32]>::to_vec), Some((1..=count).collect()), Some((0..count).collect())];
     let holds = |all: &Vec<u32>| numbers.iter().all(|number| all.contains(number));
     let distinct = |all: &Vec<u32>| (1..all.len()).all(|k| !all[..k].contains(&all[k]));
     counts.into_iter().flatten().find(|all| holds(all) && distinct(all))
@@ -232,8 +253,10 @@ mod tests {
     fn recording() -> Recording {
         let time = [0, 1, 2, 30, 31].map(|ms| ms * 1_000_000).to_vec();
         let position = (0..10).map(f64::from).collect();
-        let channels = vec![Channel { name: "temperature".into(), values: vec![5.0, 6.0, 7.0, 8.0, 9.0] }];
-        Recording::new("test", vec!["a".into(), "b".into()], time, position, None, None, channels).expect("consistent")
+        let channels =
+            vec![Channel { name: "temperature".into(), values: vec![5.0, 6.0, 7.0, 8.0, 9.0] }];
+        Recording::new("test", vec!["a".into(), "b".into()], time, position, None, None, channels)
+            .expect("consistent")
     }
 
     #[test]
@@ -266,14 +289,24 @@ mod tests {
         assert_eq!(first(&log, ["arm_joint1", "arm_joint2"]), [1.0, 0.0], "by number");
         assert_eq!(first(&log, ["shoulder", "elbow"]), [1.0, 0.0], "in order");
         assert_eq!(first(&log, ["joint_2", "joint_1"]), [0.0, 1.0], "by name");
-        assert_eq!(first(&logged(["joint_0", "joint_1"]), ["j1", "j2"]), [0.0, 1.0], "counted from zero");
-        for (own, wanted) in [(["a", "b"], ["c", "d"]), (["joint_1", "joint_2"], ["joint_1", "joint_3"])] {
+        assert_eq!(
+            first(&logged(["joint_0", "joint_1"]), ["j1", "j2"]),
+            [0.0, 1.0],
+            "counted from zero"
+        );
+        for (own, wanted) in
+            [(["a", "b"], ["c", "d"]), (["joint_1", "joint_2"], ["joint_1", "joint_3"])]
+        {
             assert!(logged(own).of_robot(&names(wanted)).is_err(), "{own:?} {wanted:?}");
         }
-        let second = logged(["joint_1", "joint_2"]).of_robot(&["j2".into()]).expect("its number is there");
+        let second =
+            logged(["joint_1", "joint_2"]).of_robot(&["j2".into()]).expect("its number is there");
         assert_eq!(second.position()[..2], [1.0, 3.0]);
         assert!(logged(["joint_1", "joint_2"]).of_robot(&["j3".into()]).is_err(), "no such number");
-        assert!(logged(["joint_0", "joint_1"]).of_robot(&["j1".into()]).is_err(), "counted from zero or from one");
+        assert!(
+            logged(["joint_0", "joint_1"]).of_robot(&["j1".into()]).is_err(),
+            "counted from zero or from one"
+        );
     }
 
     #[test]

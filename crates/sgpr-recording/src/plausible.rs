@@ -45,21 +45,23 @@ impl Recording {
         };
         let is_larger = |limit: f64| move |value: f64| value.is_finite() && value.abs() > limit;
         if let Some(index) = first_place(&self.position, is_larger(LARGEST_POSITION)) {
-            let expected = format!("at most {LARGEST_POSITION:e} rad (m) are possible: give the unit of the position");
+            let expected = format!(
+                "at most {LARGEST_POSITION:e} rad (m) are possible: give the unit of the position"
+            );
             return Some(at("position", index, self.position[index], expected));
         }
         if let Some(index) = self.impossible_jump() {
             let expected = format!(
-                "it changes by more than {LARGEST_SPEED:e} rad/s (m/s) there: drop such samples, or give the units of \
-                 position and time"
+                "it changes by more than {LARGEST_SPEED:e} rad/s (m/s) there: drop such samples, \
+                 or give the units of position and time"
             );
             return Some(at("position", index, self.position[index], expected));
         }
         let torque = self.torque.as_deref()?;
         let index = first_place(torque, is_larger(LARGEST_TORQUE))?;
         let expected = format!(
-            "at most {LARGEST_TORQUE:e} N·m (N) are possible: give the unit of the torque, or torque constants for \
-             motor currents"
+            "at most {LARGEST_TORQUE:e} N·m (N) are possible: give the unit of the torque, or \
+             torque constants for motor currents"
         );
         Some(at("torque", index, torque[index], expected))
     }
@@ -71,15 +73,19 @@ impl Recording {
         // Stamps of samples that were written together may be nearer to each other than the samples
         // were.
         let usual = Some(self.median_period()).filter(|period| *period > 0.0)?;
-        // No step is shorter than this, so nothing before the first change that is larger is impossible.
+        // No step is shorter than this, so nothing before the first change that is larger is
+        // impossible.
         let shortest = LARGEST_SPEED * usual;
-        let first = first_change(&self.position, n, |before, now| (now - before).abs() > shortest)? / n - 1;
+        let first =
+            first_change(&self.position, n, |before, now| (now - before).abs() > shortest)? / n - 1;
         let rows = self.position.chunks_exact(n).zip(self.position.chunks_exact(n).skip(1));
-        rows.zip(self.time.windows(2)).enumerate().skip(first).find_map(|(sample, ((before, now), pair))| {
-            let farthest = LARGEST_SPEED * seconds(pair[0], pair[1]).max(usual);
-            let joint = (0..n).find(|&joint| (now[joint] - before[joint]).abs() > farthest)?;
-            Some((sample + 1) * n + joint)
-        })
+        rows.zip(self.time.windows(2)).enumerate().skip(first).find_map(
+            |(sample, ((before, now), pair))| {
+                let farthest = LARGEST_SPEED * seconds(pair[0], pair[1]).max(usual);
+                let joint = (0..n).find(|&joint| (now[joint] - before[joint]).abs() > farthest)?;
+                Some((sample + 1) * n + joint)
+            },
+        )
     }
 }
 
@@ -93,21 +99,34 @@ mod tests {
         let mut q: Vec<f64> = (0..50).map(|k| (0.1 * f64::from(k)).sin()).collect();
         let mut tau: Vec<f64> = q.iter().map(|q| 10.0 * q).collect();
         change(&mut time, &mut q, &mut tau);
-        Recording::new("log", vec!["joint".into()], time, q, None, Some(tau), vec![]).expect("one length")
+        Recording::new("log", vec!["joint".into()], time, q, None, Some(tau), vec![])
+            .expect("one length")
     }
 
     #[test]
     fn what_an_arm_may_do_is_plausible() {
         assert_eq!(log(|_, _, _| ()).implausible(), None);
         // Wrapped to a turn, at rest, missing, in other units, with stamps that were made together.
-        assert_eq!(log(|_, q, _| q[20..].iter_mut().for_each(|q| *q += std::f64::consts::TAU)).implausible(), None);
-        assert_eq!(log(|_, q, tau| q.iter_mut().chain(tau).for_each(|x| *x = 0.0)).implausible(), None);
+        assert_eq!(
+            log(|_, q, _| q[20..].iter_mut().for_each(|q| *q += std::f64::consts::TAU))
+                .implausible(),
+            None
+        );
+        assert_eq!(
+            log(|_, q, tau| q.iter_mut().chain(tau).for_each(|x| *x = 0.0)).implausible(),
+            None
+        );
         assert_eq!(log(|_, q, tau| (q[7], tau[8]) = (f64::NAN, f64::INFINITY)).implausible(), None);
-        assert_eq!(log(|_, q, tau| q.iter_mut().chain(tau).for_each(|x| *x *= 1e3)).implausible(), None);
+        assert_eq!(
+            log(|_, q, tau| q.iter_mut().chain(tau).for_each(|x| *x *= 1e3)).implausible(),
+            None
+        );
         assert_eq!(log(|time, _, _| time[30] = time[29] + 1).implausible(), None);
         assert_eq!(log(|time, _, _| time.fill(0)).implausible(), None);
         assert_eq!(
-            Recording::new("none", vec![], vec![0], vec![], None, None, vec![]).expect("empty").implausible(),
+            Recording::new("none", vec![], vec![0], vec![], None, None, vec![])
+                .expect("empty")
+                .implausible(),
             None
         );
     }

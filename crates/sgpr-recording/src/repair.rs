@@ -27,8 +27,9 @@ pub struct Repair {
     pub drop_duplicates: bool,
     /// Remove samples with a position, velocity or torque that is not finite.
     pub drop_not_finite: bool,
-    /// Put what lies between its neighbours in the place of a sample with a value that leaves them and comes back, see
-    /// [`IssueKind::StraySample`](super::IssueKind::StraySample); without those at the ends.
+    /// Put what lies between its neighbours in the place of a sample with a value that leaves them
+    /// and comes back, see [`IssueKind::StraySample`](super::IssueKind::StraySample); without those
+    /// at the ends.
     pub replace_strays: bool,
     /// Remove samples that repeat the one before while the arm moves.
     pub drop_repeated: bool,
@@ -36,14 +37,15 @@ pub struct Repair {
     pub unwrap: bool,
     /// Cut where the time makes a step longer than this, s.
     pub split_gaps: Option<f64>,
-    /// Bring the samples to equal steps. Cuts at gaps, see [`GAP_FACTOR`], if `split_gaps` is not given.
+    /// Bring the samples to equal steps. Cuts at gaps, see [`GAP_FACTOR`], if `split_gaps` is not
+    /// given.
     pub resample: Option<Resample>,
 }
 
 /// The rate to resample to.
 ///
-/// The steps are whole nanoseconds. Positions are interpolated by cubics (Catmull-Rom slopes for unequal steps), the
-/// rest linearly. Nothing is filtered: before a much lower rate, filter.
+/// The steps are whole nanoseconds. Positions are interpolated by cubics (Catmull-Rom slopes for
+/// unequal steps), the rest linearly. Nothing is filtered: before a much lower rate, filter.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Resample {
     /// One over the median step.
@@ -52,12 +54,12 @@ pub enum Resample {
     Hz(f64),
 }
 
-/// Changes a recording as asked, and nothing else. Returns the stretches that result (several if it was cut) and a
-/// sentence for each thing done.
+/// Changes a recording as asked, and nothing else. Returns the stretches that result (several if it
+/// was cut) and a sentence for each thing done.
 ///
 /// # Errors
-/// If an option has a value that cannot be, if no sample is left, or if the time does not increase where it must (for
-/// `replace_strays`, `split_gaps` and `resample`).
+/// If an option has a value that cannot be, if no sample is left, or if the time does not increase
+/// where it must (for `replace_strays`, `split_gaps` and `resample`).
 ///
 /// # Examples
 /// ```
@@ -70,7 +72,10 @@ pub enum Resample {
 /// assert_eq!(actions.len(), 2);
 /// # Ok::<(), sgpr_recording::RecordingError>(())
 /// ```
-pub fn repair(recording: &Recording, request: &Repair) -> Result<(Vec<Recording>, Vec<String>), RecordingError> {
+pub fn repair(
+    recording: &Recording,
+    request: &Repair,
+) -> Result<(Vec<Recording>, Vec<String>), RecordingError> {
     request.check()?;
     let mut work = RepairWork { recording: recording.apart(), actions: Vec::new() };
     if let Some(window) = &request.trim {
@@ -83,7 +88,9 @@ pub fn repair(recording: &Recording, request: &Repair) -> Result<(Vec<Recording>
     }
     if request.drop_duplicates {
         let time = work.recording.time().to_vec();
-        work.drop("with the stamp of the one before", |sample| sample > 0 && time[sample] == time[sample - 1])?;
+        work.drop("with the stamp of the one before", |sample| {
+            sample > 0 && time[sample] == time[sample - 1]
+        })?;
     }
     if request.drop_not_finite {
         let log = work.recording.clone();
@@ -157,7 +164,10 @@ impl RepairWork {
         let keep: Vec<usize> = (0..all).filter(|&sample| !is_bad(sample)).collect();
         let action = format!("dropped {} of {all} samples {what}", all - keep.len());
         if keep.is_empty() {
-            return Err(RecordingError::NothingLeft { recording: self.recording.source().into(), action });
+            return Err(RecordingError::NothingLeft {
+                recording: self.recording.source().into(),
+                action,
+            });
         }
         if keep.len() < all {
             self.recording = self.recording.pick(keep.iter().copied());
@@ -180,16 +190,22 @@ impl RepairWork {
     fn replace_strays(&mut self) {
         let all = self.recording.len();
         let strays = stray_samples(&self.recording);
-        let kept: Vec<usize> = (0..all).filter(|sample| strays.binary_search(sample).is_err()).collect();
+        let kept: Vec<usize> =
+            (0..all).filter(|sample| strays.binary_search(sample).is_err()).collect();
         if let ([first, .., last], false) = (&kept[..], strays.is_empty()) {
             let stamps = self.recording.time()[*first..=*last].to_vec();
             self.recording = at_stamps(&self.recording.pick(kept.iter().copied()), stamps);
         }
         let dropped = all - self.recording.len();
-        let at_the_ends = if dropped > 0 { format!(", and dropped {dropped} at the ends") } else { String::new() };
+        let at_the_ends = if dropped > 0 {
+            format!(", and dropped {dropped} at the ends")
+        } else {
+            String::new()
+        };
         let replaced = strays.len() - dropped;
         self.note(format!(
-            "replaced {replaced} of {all} samples that stray by what lies between the others{at_the_ends}"
+            "replaced {replaced} of {all} samples that stray by what lies between the \
+             others{at_the_ends}"
         ));
     }
 
@@ -201,7 +217,8 @@ impl RepairWork {
         for joint in 0..n {
             let logged: Vec<f64> = position.iter().skip(joint).step_by(n).copied().collect();
             // Across positions that are no numbers, too.
-            let numbers: Vec<usize> = (0..logged.len()).filter(|&sample| !logged[sample].is_nan()).collect();
+            let numbers: Vec<usize> =
+                (0..logged.len()).filter(|&sample| !logged[sample].is_nan()).collect();
             let change = |pair: &[usize]| logged[pair[1]] - logged[pair[0]];
             let changes: Vec<f64> = numbers.windows(2).map(|pair| change(pair).abs()).collect();
             let usual = usual_change(&changes);
@@ -228,13 +245,15 @@ impl RepairWork {
         if gap.is_some() || cuts > 0 {
             let lengths: Vec<String> = parts.iter().map(|part| part.len().to_string()).collect();
             let lengths = lengths.join(", ");
-            self.note(format!("cut at {cuts} steps longer than {longest:.6} s into {lengths} samples"));
+            self.note(format!(
+                "cut at {cuts} steps longer than {longest:.6} s into {lengths} samples"
+            ));
         }
         self.without_crumbs(parts)
     }
 
-    /// Without stretches that are too short to be differentiated, such as a single sample that strayed before the log
-    /// began, if others remain.
+    /// Without stretches that are too short to be differentiated, such as a single sample that
+    /// strayed before the log began, if others remain.
     fn without_crumbs(&mut self, parts: Vec<Recording>) -> Vec<Recording> {
         let (long, short): (Vec<Recording>, Vec<Recording>) =
             parts.into_iter().partition(|part| part.len() >= SHORTEST_STRETCH);
@@ -242,18 +261,26 @@ impl RepairWork {
             return if long.is_empty() { short } else { long };
         }
         let samples: usize = short.iter().map(Recording::len).sum();
-        self.note(format!("left out {samples} samples in {} stretches of fewer than {SHORTEST_STRETCH}", short.len()));
+        self.note(format!(
+            "left out {samples} samples in {} stretches of fewer than {SHORTEST_STRETCH}",
+            short.len()
+        ));
         long
     }
 
-    fn resample(&mut self, parts: Vec<Recording>, rate: Resample) -> Result<Vec<Recording>, RecordingError> {
+    fn resample(
+        &mut self,
+        parts: Vec<Recording>,
+        rate: Resample,
+    ) -> Result<Vec<Recording>, RecordingError> {
         let median = self.recording.median_period();
         let wanted = match rate {
             Resample::MedianRate => median,
             Resample::Hz(rate) => 1.0 / rate,
         };
         if wanted.is_nan() {
-            let (recording, action) = (self.recording.source().into(), "resampling of a single sample".into());
+            let (recording, action) =
+                (self.recording.source().into(), "resampling of a single sample".into());
             return Err(RecordingError::NothingLeft { recording, action });
         }
         let old = self.recording.len();
@@ -262,16 +289,19 @@ impl RepairWork {
             return Err(RecordingError::InvalidOption {
                 option: "resample",
                 value: format!("{} Hz", 1.0 / wanted),
-                expected: "a rate that makes at most 1000 samples of each one; or cut the gaps with `split_gaps`",
+                expected: "a rate that makes at most 1000 samples of each one; or cut the gaps \
+                     with `split_gaps`",
             });
         }
         let period = ((wanted * 1e9).round() as u64).max(1);
         let new: Vec<Recording> = parts.iter().map(|part| resample(part, period)).collect();
         let samples = new.iter().map(Recording::len).sum::<usize>();
-        let mut action = format!("resampled from {old} to {samples} samples at {:.6} Hz", 1e9 / period as f64);
+        let mut action =
+            format!("resampled from {old} to {samples} samples at {:.6} Hz", 1e9 / period as f64);
         if wanted > 1.1 * median {
             action += &format!(
-                "; the log had {:.6} Hz, and what lies above half the new rate now shows as lower frequencies unless it was filtered away",
+                "; the log had {:.6} Hz, and what lies above half the new rate now shows as lower \
+                 frequencies unless it was filtered away",
                 1.0 / median
             );
         }

@@ -3,11 +3,13 @@
 use super::Recording;
 use sgpr_predict::internal::rms;
 
-/// Moments of a window, and s between them: a path of a second is alike by chance where a single position is not.
+/// Moments of a window, and s between them: a path of a second is alike by chance where a single
+/// position is not.
 const MOMENTS: usize = 5;
 const BETWEEN: f64 = 0.25;
 
-/// Two windows are the same path if they differ by less than this share of what the joints range over ...
+/// Two windows are the same path if they differ by less than this share of what the joints range
+/// over ...
 const ALIKE: f64 = 0.05;
 
 /// ... and are none if no joint ranges over as much in them.
@@ -17,13 +19,14 @@ const STILL: f64 = 0.02;
 const WINDOWS: usize = 400;
 const STEP: f64 = 0.02;
 
-/// Share of its moving time in which `new` repeats paths of `known` logs, 0 to 1; none if it never moves for a second,
-/// or nothing is known.
+/// Share of its moving time in which `new` repeats paths of `known` logs, 0 to 1; none if it never
+/// moves for a second, or nothing is known.
 ///
-/// An error on a log that repeats motions of the training tells how well a model repeats what it was fitted to, with all
-/// that it lacks, and not how it predicts. Paths of a second are compared, deviations in units of each joint's standard
-/// deviation over the known logs. Between logs of real robots with motions of their own the share is at most a third, since
-/// arms start at the same pose; between logs with the same motion it is 1.
+/// An error on a log that repeats motions of the training tells how well a model repeats what it
+/// was fitted to, with all that it lacks, and not how it predicts. Paths of a second are compared,
+/// deviations in units of each joint's standard deviation over the known logs. Between logs of real
+/// robots with motions of their own the share is at most a third, since arms start at the same
+/// pose; between logs with the same motion it is 1.
 ///
 /// # Panics
 /// If the recordings have different numbers of joints.
@@ -37,7 +40,9 @@ pub fn repeated_share(known: &[Recording], new: &Recording) -> Option<f64> {
     let (mut moving, mut repeated) = (0usize, 0usize);
     for start in thinned.filter(|&start| windows.moves(start, &spread)) {
         moving += 1;
-        let alike = |log: &Windows<'_>| log.starts().any(|there| log.is_alike(there, &windows, start, &spread));
+        let alike = |log: &Windows<'_>| {
+            log.starts().any(|there| log.is_alike(there, &windows, start, &spread))
+        };
         repeated += usize::from(known.iter().any(alike));
     }
     (moving > 0).then(|| repeated as f64 / moving as f64)
@@ -45,7 +50,9 @@ pub fn repeated_share(known: &[Recording], new: &Recording) -> Option<f64> {
 
 /// Standard deviation of the positions of a joint; infinite for one that stands.
 fn spread(logs: &[Recording], joint: usize) -> f64 {
-    let positions = || logs.iter().flat_map(|log| log.position().iter().skip(joint).step_by(log.dof()).copied());
+    let positions = || {
+        logs.iter().flat_map(|log| log.position().iter().skip(joint).step_by(log.dof()).copied())
+    };
     let mean = positions().sum::<f64>() / positions().count().max(1) as f64;
     let deviation = rms(&positions().map(|q| q - mean).collect::<Vec<_>>());
     if deviation > 1e-6 { deviation } else { f64::INFINITY }
@@ -62,8 +69,14 @@ struct Windows<'a> {
 
 impl<'a> Windows<'a> {
     fn new(log: &'a Recording, step: f64) -> Option<Self> {
-        let samples = |seconds: f64| Some(((seconds * log.sample_rate_hz()?).round() as usize).max(1));
-        let windows = Self { position: log.position(), n: log.dof(), lag: samples(BETWEEN)?, step: samples(step)? };
+        let samples =
+            |seconds: f64| Some(((seconds * log.sample_rate_hz()?).round() as usize).max(1));
+        let windows = Self {
+            position: log.position(),
+            n: log.dof(),
+            lag: samples(BETWEEN)?,
+            step: samples(step)?,
+        };
         (log.len() > (MOMENTS - 1) * windows.lag).then_some(windows)
     }
 
@@ -77,7 +90,9 @@ impl<'a> Windows<'a> {
 
     fn moves(&self, start: usize, spread: &[f64]) -> bool {
         (0..self.n).any(|joint| {
-            let path: Vec<f64> = (0..MOMENTS).map(|moment| self.moment(start, moment)[joint] / spread[joint]).collect();
+            let path: Vec<f64> = (0..MOMENTS)
+                .map(|moment| self.moment(start, moment)[joint] / spread[joint])
+                .collect();
             let mean = path.iter().sum::<f64>() / MOMENTS as f64;
             rms(&path.iter().map(|q| q - mean).collect::<Vec<_>>()) > STILL
         })
@@ -88,7 +103,8 @@ impl<'a> Windows<'a> {
         let most = ALIKE.powi(2) * (MOMENTS * self.n) as f64;
         let mut squares = 0.0;
         (0..MOMENTS).all(|moment| {
-            let pairs = self.moment(start, moment).iter().zip(other.moment(there, moment)).zip(spread);
+            let pairs =
+                self.moment(start, moment).iter().zip(other.moment(there, moment)).zip(spread);
             squares += pairs.map(|((a, b), spread)| ((a - b) / spread).powi(2)).sum::<f64>();
             squares < most
         })
@@ -103,7 +119,8 @@ mod tests {
     fn log(path: impl Fn(f64) -> [f64; 2]) -> Recording {
         let time: Vec<i64> = (0..1000).map(|k| k * 10_000_000).collect();
         let position = time.iter().flat_map(|t| path(*t as f64 * 1e-9)).collect();
-        Recording::new("test", vec!["a".into(), "b".into()], time, position, None, None, vec![]).expect("a recording")
+        Recording::new("test", vec!["a".into(), "b".into()], time, position, None, None, vec![])
+            .expect("a recording")
     }
 
     fn motion(t: f64) -> [f64; 2] {
@@ -114,7 +131,10 @@ mod tests {
     fn a_motion_that_comes_back_later_is_repeated() {
         let known = [log(|t| motion(t + 100.0)), log(motion)];
         assert_eq!(
-            repeated_share(&known, &log(|t| motion(t + 2.503).map(|q| q + 1e-3 * (40.0 * t).sin()))),
+            repeated_share(
+                &known,
+                &log(|t| motion(t + 2.503).map(|q| q + 1e-3 * (40.0 * t).sin()))
+            ),
             Some(0.75)
         );
     }

@@ -4,7 +4,8 @@ use std::sync::Arc;
 
 use super::{Channel, Recording};
 
-/// The recording on the stamps t0, t0 + `period`, ... up to the last sample; `period` in ns, not zero. See [`at_stamps`].
+/// The recording on the stamps t0, t0 + `period`, ... up to the last sample; `period` in ns, not
+/// zero. See [`at_stamps`].
 ///
 /// The time must increase strictly.
 pub(super) fn resample(recording: &Recording, period: u64) -> Recording {
@@ -16,9 +17,10 @@ pub(super) fn resample(recording: &Recording, period: u64) -> Recording {
 
 /// The recording on increasing stamps between its first and its last.
 ///
-/// Positions follow a cubic Hermite curve through the samples whose slopes are those of the parabola through three
-/// neighbours (Catmull-Rom for unequal steps); everything else is interpolated linearly. On a sample the curve has its
-/// value; next to a value that is not finite it is NaN.
+/// Positions follow a cubic Hermite curve through the samples whose slopes are those of the
+/// parabola through three neighbours (Catmull-Rom for unequal steps); everything else is
+/// interpolated linearly. On a sample the curve has its value; next to a value that is not finite
+/// it is NaN.
 ///
 /// The time must increase strictly.
 pub(super) fn at_stamps(recording: &Recording, stamps: Vec<i64>) -> Recording {
@@ -26,11 +28,14 @@ pub(super) fn at_stamps(recording: &Recording, stamps: Vec<i64>) -> Recording {
     let n = recording.dof();
     let seconds = recording.time_seconds();
     let linear = |values: &[f64]| -> Vec<f64> {
-        let row =
-            |place: &BetweenSamples| (0..n).map(|joint| place.linear(|i| values[i * n + joint])).collect::<Vec<_>>();
+        let row = |place: &BetweenSamples| {
+            (0..n).map(|joint| place.linear(|i| values[i * n + joint])).collect::<Vec<_>>()
+        };
         places.iter().flat_map(row).collect()
     };
-    let of_channel = |channel: &Channel| places.iter().map(|place| place.linear(|i| channel.values[i])).collect();
+    let of_channel = |channel: &Channel| {
+        places.iter().map(|place| place.linear(|i| channel.values[i])).collect()
+    };
     let channels = recording.channels().iter();
     Recording {
         source: recording.source.clone(),
@@ -38,7 +43,9 @@ pub(super) fn at_stamps(recording: &Recording, stamps: Vec<i64>) -> Recording {
         position: Arc::new(cubic(&recording.position, n, &seconds, &places)),
         velocity: recording.velocity().map(linear).map(Arc::new),
         torque: recording.torque().map(linear).map(Arc::new),
-        channels: channels.map(|channel| Channel { name: channel.name.clone(), values: of_channel(channel) }).collect(),
+        channels: channels
+            .map(|channel| Channel { name: channel.name.clone(), values: of_channel(channel) })
+            .collect(),
         notes: recording.notes.clone(),
         layout: recording.layout.clone(),
         accepted: recording.accepted.clone(),
@@ -72,7 +79,11 @@ fn places(time: &[i64], stamps: &[i64]) -> Vec<BetweenSamples> {
             before += 1;
         }
         let passed = time[before].abs_diff(stamp);
-        let fraction = if passed == 0 { 0.0 } else { passed as f64 / time[before].abs_diff(time[before + 1]) as f64 };
+        let fraction = if passed == 0 {
+            0.0
+        } else {
+            passed as f64 / time[before].abs_diff(time[before + 1]) as f64
+        };
         BetweenSamples { before, fraction }
     };
     stamps.iter().map(place).collect()
@@ -89,10 +100,11 @@ fn cubic(values: &[f64], n: usize, seconds: &[f64], places: &[BetweenSamples]) -
                 continue;
             }
             let (to, step, u) = (from + n, seconds[before + 1] - seconds[*before], *fraction);
-            // Hermite basis, with the change over the step taken out so that a constant stays exact.
+            // Hermite basis, with the change over the step taken out so that a constant stays
+            // exact.
             let change = values[to] - values[from];
-            let curve =
-                u * u * (3.0 - 2.0 * u) * change + step * u * (1.0 - u) * ((1.0 - u) * slopes[from] - u * slopes[to]);
+            let curve = u * u * (3.0 - 2.0 * u) * change
+                + step * u * (1.0 - u) * ((1.0 - u) * slopes[from] - u * slopes[to]);
             result.push(values[from] + curve);
         }
     }
@@ -130,10 +142,12 @@ mod tests {
     use super::*;
 
     fn uneven(values: impl Fn(f64) -> f64) -> Recording {
-        let time: Vec<i64> = (0..40).map(|k: i64| k * 10_000_000 + (k * k * 7 % 5) * 1_000_000).collect();
+        let time: Vec<i64> =
+            (0..40).map(|k: i64| k * 10_000_000 + (k * k * 7 % 5) * 1_000_000).collect();
         let position: Vec<f64> = time.iter().map(|&t| values(t as f64 * 1e-9)).collect();
         let torque = Some(position.clone());
-        Recording::new("test", vec!["a".into()], time, position, None, torque, vec![]).expect("consistent")
+        Recording::new("test", vec!["a".into()], time, position, None, torque, vec![])
+            .expect("consistent")
     }
 
     #[test]
@@ -159,7 +173,9 @@ mod tests {
     fn the_own_grid_changes_nothing() {
         let time = (0..10).map(|k| k * 1_000_000).collect();
         let position: Vec<f64> = (0..10).map(|k| f64::from(k * k % 7)).collect();
-        let recording = Recording::new("test", vec!["a".into()], time, position, None, None, vec![]).expect("fits");
+        let recording =
+            Recording::new("test", vec!["a".into()], time, position, None, None, vec![])
+                .expect("fits");
         assert_eq!(resample(&recording, 1_000_000), recording);
     }
 
@@ -168,7 +184,9 @@ mod tests {
         for samples in 1..3 {
             let time = (0..samples).map(|k| k * 10).collect();
             let position = (0..samples).map(|k| k as f64).collect();
-            let recording = Recording::new("test", vec!["a".into()], time, position, None, None, vec![]).expect("fits");
+            let recording =
+                Recording::new("test", vec!["a".into()], time, position, None, None, vec![])
+                    .expect("fits");
             assert_eq!(resample(&recording, 5).len() as i64, 2 * samples - 1);
         }
     }

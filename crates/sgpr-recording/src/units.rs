@@ -33,15 +33,20 @@ trait Unit: Copy + 'static {
 fn parse<U: Unit>(text: &str) -> Result<U, RecordingError> {
     let text = text.trim();
     let spelled = |same: &dyn Fn(&str) -> bool| {
-        U::SPELLINGS.iter().find(|(_, names)| names.iter().any(|name| same(name))).map(|(unit, _)| *unit)
+        U::SPELLINGS
+            .iter()
+            .find(|(_, names)| names.iter().any(|name| same(name)))
+            .map(|(unit, _)| *unit)
     };
     // One letter means too many things (`M` is no metre), and mega is not milli.
     let clear = text.len() > 1 && !text.starts_with('M');
     let any_case = |name: &str| clear && name.eq_ignore_ascii_case(text);
-    spelled(&|name| name == text).or_else(|| spelled(&any_case)).ok_or_else(|| RecordingError::UnknownUnit {
-        quantity: U::QUANTITY.into(),
-        unit: text.into(),
-        known: U::SPELLINGS.iter().map(|(_, names)| names[0].to_string()).collect(),
+    spelled(&|name| name == text).or_else(|| spelled(&any_case)).ok_or_else(|| {
+        RecordingError::UnknownUnit {
+            quantity: U::QUANTITY.into(),
+            unit: text.into(),
+            known: U::SPELLINGS.iter().map(|(_, names)| names[0].to_string()).collect(),
+        }
     })
 }
 
@@ -63,7 +68,8 @@ macro_rules! unit {
         impl $unit {
             /// Its usual spelling.
             pub fn name(self) -> &'static str {
-                let (_, names) = Self::SPELLINGS.iter().find(|(unit, _)| *unit == self).expect("each unit is listed");
+                let (_, names) = Self::SPELLINGS.iter().find(|(unit, _)| *unit == self).expect("each \
+                     unit is listed");
                 names[0]
             }
         }
@@ -94,8 +100,8 @@ pub enum PositionUnit {
     Millimetre,
 }
 
-// Beside the degree sign stand signs that look like it, and what it becomes in text of another encoding than was thought:
-// `ø` (code page 850), `¡` (Mac), U+FFFD (lost).
+// Beside the degree sign stand signs that look like it, and what it becomes in text of another
+// encoding than was thought: `ø` (code page 850), `¡` (Mac), U+FFFD (lost).
 unit!(PositionUnit, "position",
     Radian: ["rad", "radian", "radians"],
     Milliradian: ["mrad", "milliradian", "milliradians"],
@@ -240,7 +246,8 @@ impl TimeUnit {
         }
     }
 
-    /// The unit of a time that comes without: seconds, unless that would be later than the year 5000.
+    /// The unit of a time that comes without: seconds, unless that would be later than the
+    /// year 5000.
     pub(super) fn likely(time: f64) -> Self {
         match time.abs() {
             time if time >= 1e17 => Self::Nanosecond,
@@ -286,7 +293,10 @@ mod tests {
     #[test]
     fn unknown_units_are_answered_with_the_known_ones() {
         let message = "grad".parse::<PositionUnit>().expect_err("not a unit").to_string();
-        assert_eq!(message, "`grad` is no unit of position; known are `rad`, `mrad`, `deg`, `turn`, `m`, `mm`");
+        assert_eq!(
+            message,
+            "`grad` is no unit of position; known are `rad`, `mrad`, `deg`, `turn`, `m`, `mm`"
+        );
     }
 
     #[test]

@@ -15,7 +15,8 @@ use sgpr_recording::{Recording, RecordingError, Repair, Resample, inspect, repai
 
 /// What a reader may take for itself, beyond some multiple of the file.
 const LIMIT: u64 = 1 << 20;
-/// What it takes at most: the numbers, the text or chunk they come from, and the room that vectors grow into.
+/// What it takes at most: the numbers, the text or chunk they come from, and the room that vectors
+/// grow into.
 const MOST: usize = 16 << 20;
 
 #[global_allocator]
@@ -28,7 +29,9 @@ fn attempt(name: &str, content: &[u8]) {
     let _alone = ALONE.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
     let folder = tempfile::tempdir().expect("a writable folder for temporary files");
     let path = folder.path().join(name);
-    std::fs::File::create(&path).and_then(|mut file| file.write_all(content)).expect("a writable folder");
+    std::fs::File::create(&path)
+        .and_then(|mut file| file.write_all(content))
+        .expect("a writable folder");
     MEMORY.set_limit(MEMORY.allocated() + MOST).expect("more than is in use");
     for recording in read_all(&path).into_iter().flatten() {
         use_recording(&recording);

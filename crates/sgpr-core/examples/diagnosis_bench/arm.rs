@@ -46,19 +46,25 @@ pub fn arm(random: &mut Random) -> Robot {
     let rows: Vec<DhRow> = (0..n)
         .map(|joint| {
             let twist = if n == 7 && joint == 1 { quarter } else { twists[joint] };
-            let (a, d) =
-                if joint == 1 { (reach, 0.0) } else { (random.between(0.0, 0.08), random.between(0.0, reach)) };
+            let (a, d) = if joint == 1 {
+                (reach, 0.0)
+            } else {
+                (random.between(0.0, 0.08), random.between(0.0, reach))
+            };
             let radius = 0.15 + 0.25 * reach;
-            let diagonal: [f64; 3] = std::array::from_fn(|_| mass * radius * radius * random.between(0.15, 0.4));
+            let diagonal: [f64; 3] =
+                std::array::from_fn(|_| mass * radius * radius * random.between(0.15, 0.4));
             let centre: [f64; 3] = std::array::from_fn(|_| random.between(-0.4, 0.4) * reach);
-            let inertia = [[diagonal[0], 0.0, 0.0], [0.0, diagonal[1], 0.0], [0.0, 0.0, diagonal[2]]];
+            let inertia =
+                [[diagonal[0], 0.0, 0.0], [0.0, diagonal[1], 0.0], [0.0, 0.0, diagonal[2]]];
             let row = DhRow::revolute(a, twist, d, 0.0).with_body(mass, centre, inertia);
             mass *= random.between(0.35, 0.8);
             reach *= random.between(0.55, 0.95);
             row
         })
         .collect();
-    Robot::from_dh("arm", DhConvention::Standard, &rows, None, STANDARD_GRAVITY).expect("a valid table")
+    Robot::from_dh("arm", DhConvention::Standard, &rows, None, STANDARD_GRAVITY)
+        .expect("a valid table")
 }
 
 /// A Fourier series per joint.
@@ -84,12 +90,15 @@ impl Motion {
         Self { joints, pulse }
     }
 
-    /// Motions in which each joint swings about one position with one frequency, from another phase each time.
+    /// Motions in which each joint swings about one position with one frequency, from another phase
+    /// each time.
     pub fn swinging(n: usize, random: &mut Random, count: usize) -> Vec<Self> {
         const HARMONICS: usize = 5;
         let pulse = std::f64::consts::TAU / random.between(9.0, 16.0);
         let own: Vec<(f64, f64, usize)> = (0..n)
-            .map(|_| (random.between(-0.8, 0.8), random.between(0.3, 0.9), 1 + random.below(HARMONICS)))
+            .map(|_| {
+                (random.between(-0.8, 0.8), random.between(0.3, 0.9), 1 + random.below(HARMONICS))
+            })
             .collect();
         let motion = |random: &mut Random| {
             let joint = |(centre, size, harmonic): &(f64, f64, usize), random: &mut Random| {

@@ -20,7 +20,8 @@ const BASE: [&str; 3] = ["viscous_friction", "coulomb_friction", "rotor_inertia"
 pub enum Quality {
     /// 20 s each at 125 Hz or more, torque with white noise, encoders of 17 bits or more.
     Good,
-    /// The noise of the torque has a memory (0.9 from sample to sample), and encoders have steps of 0.1 mrad.
+    /// The noise of the torque has a memory (0.9 from sample to sample), and encoders have steps of
+    /// 0.1 mrad.
     Rough,
     /// The same, 8 to 12 s each at 50 or 100 Hz.
     Poor,
@@ -28,7 +29,8 @@ pub enum Quality {
 
 /// Effects that are hidden one at a time, in turn.
 ///
-/// Not `backlash`: play that is crossed in no time has no inverse dynamics, and the logs would be full of spikes.
+/// Not `backlash`: play that is crossed in no time has no inverse dynamics, and the logs would be
+/// full of spikes.
 pub const SINGLES: [&str; 28] = [
     "viscous_friction",
     "coulomb_friction",
@@ -107,7 +109,8 @@ pub enum Style {
     OneJoint,
     /// Under a controller, with friction that sticks.
     Closed,
-    /// Exactly, but each joint with one frequency all the time, and what is hidden is small: effects look alike.
+    /// Exactly, but each joint with one frequency all the time, and what is hidden is small:
+    /// effects look alike.
     Swinging,
 }
 
@@ -138,7 +141,8 @@ pub struct Case {
     pub twin_test: Vec<Recording>,
     /// Effect and joint, none for the whole arm.
     pub hidden: Vec<(String, Option<usize>)>,
-    /// If there are several: training and test logs with each of them alone, none for those of the base model.
+    /// If there are several: training and test logs with each of them alone, none for those of the
+    /// base model.
     pub alone: Vec<Option<[Vec<Recording>; 2]>>,
     /// Whether a controller moves the arm: its twin moves otherwise, and sticks elsewhere.
     pub closed: bool,
@@ -162,7 +166,11 @@ impl Case {
             let index = BASE.iter().position(|base| base == effect)?;
             Some(self.truth.base[index][(*joint)?])
         };
-        let of_terms = self.truth.terms.iter().flat_map(|term| term.constants.iter().chain(&term.coefficients));
+        let of_terms = self
+            .truth
+            .terms
+            .iter()
+            .flat_map(|term| term.constants.iter().chain(&term.coefficients));
         self.hidden.iter().filter_map(of_base).chain(of_terms.copied()).collect()
     }
 
@@ -172,7 +180,14 @@ impl Case {
         let motion = [motion.q, motion.dq, motion.ddq];
         let tau = torque(&self.truth, &motion, rate, start);
         let [q, dq, _] = motion;
-        self.sensors.log("next experiment".into(), [q, dq, tau], &self.truth, rate, start, &mut Random(start.to_bits()))
+        self.sensors.log(
+            "next experiment".into(),
+            [q, dq, tau],
+            &self.truth,
+            rate,
+            start,
+            &mut Random(start.to_bits()),
+        )
     }
 }
 
@@ -211,11 +226,15 @@ impl Sensors {
             let own = tau.iter_mut().skip(joint).step_by(n);
             own.for_each(|tau| *tau = tau.clamp(-limit.constants[0], limit.constants[0]));
         }
-        let q: Vec<f64> =
-            q.iter().map(|q| ((q + 0.2 * resolution * random.normal()) / resolution).round() * resolution).collect();
+        let q: Vec<f64> = q
+            .iter()
+            .map(|q| ((q + 0.2 * resolution * random.normal()) / resolution).round() * resolution)
+            .collect();
         let dq: Vec<f64> = dq.iter().map(|dq| dq + 2e-3 * random.normal()).collect();
-        let time = (0..q.len() / n).map(|k| ((start + k as f64 / rate) * 1e9).round() as i64).collect();
-        Recording::new(source, self.names.clone(), time, q, Some(dq), Some(tau), vec![]).expect("whole arrays")
+        let time =
+            (0..q.len() / n).map(|k| ((start + k as f64 / rate) * 1e9).round() as i64).collect();
+        Recording::new(source, self.names.clone(), time, q, Some(dq), Some(tau), vec![])
+            .expect("whole arrays")
     }
 }
 
@@ -228,8 +247,8 @@ struct Truth {
     unknown: Option<(usize, usize, Law, f64)>,
 }
 
-/// Case number `seed` of a kind: the effects hidden in it, `[]` for none. Draws under which the arm runs away are left
-/// out.
+/// Case number `seed` of a kind: the effects hidden in it, `[]` for none. Draws under which the arm
+/// runs away are left out.
 ///
 pub fn make(seed: u64, effects: &[&str], style: Style, quality: Quality) -> Case {
     let draws = (0..).map(|k| attempt(seed + 10_000_000 * k, effects, style, quality));
@@ -260,8 +279,8 @@ fn attempt(seed: u64, effects: &[&str], style: Style, quality: Quality) -> Optio
     // Torques of the rigid body set the sizes.
     let motion = sampled(&motions[0], rate, samples);
     let rigid = TorqueModel::nominal(&robot).predict(as_samples(&motion));
-    let [size, speed, acceleration] =
-        [&rigid, &motion[1], &motion[2]].map(|values| (0..n).map(|j| rms(values, j, n)).collect::<Vec<f64>>());
+    let [size, speed, acceleration] = [&rigid, &motion[1], &motion[2]]
+        .map(|values| (0..n).map(|j| rms(values, j, n)).collect::<Vec<f64>>());
     let mut base = [vec![], vec![], vec![]];
     for j in 0..n {
         base[0].push(random.between(0.05, 0.2) * size[j] / speed[j]);
@@ -270,7 +289,10 @@ fn attempt(seed: u64, effects: &[&str], style: Style, quality: Quality) -> Optio
     }
     let noise: Vec<f64> = size.iter().map(|s| s * random.logarithmic(0.003, 0.03)).collect();
     // Effects are a few times as large as this.
-    let seen: Vec<f64> = noise.iter().map(|noise| noise * if style == Style::Swinging { 0.6 } else { 1.0 }).collect();
+    let seen: Vec<f64> = noise
+        .iter()
+        .map(|noise| noise * if style == Style::Swinging { 0.6 } else { 1.0 })
+        .collect();
     if style == Style::Swinging {
         for j in 0..n {
             let weak = seen[j] * random.logarithmic(1.0, 6.0);
@@ -304,7 +326,8 @@ fn attempt(seed: u64, effects: &[&str], style: Style, quality: Quality) -> Optio
     let guess = perturbed(&bare.robot, &mut random);
     let (seed_noise, resolution) = (random.0, TAU / f64::from(1u32 << (17 + random.below(4))));
     let names: Vec<String> = guess.joint_names().map(String::from).collect();
-    let (memory, resolution) = if quality == Quality::Good { (0.0, resolution) } else { (0.9, 1e-4) };
+    let (memory, resolution) =
+        if quality == Quality::Good { (0.0, resolution) } else { (0.9, 1e-4) };
     let sensors = Sensors { names, noise, memory, resolution };
     let record = |truth: &Truth| -> Option<Vec<Recording>> {
         let mut random = Random(seed_noise);
@@ -321,7 +344,8 @@ fn attempt(seed: u64, effects: &[&str], style: Style, quality: Quality) -> Optio
                 };
                 let log = follow(&plant, &guess, motion, start, length, every);
                 let wanted = sampled(motion, rate, samples);
-                let near = log[0].iter().zip(&wanted[0]).all(|(q, wanted)| (q - wanted).abs() < FARTHEST);
+                let near =
+                    log[0].iter().zip(&wanted[0]).all(|(q, wanted)| (q - wanted).abs() < FARTHEST);
                 if !near {
                     return None;
                 }
@@ -332,7 +356,14 @@ fn attempt(seed: u64, effects: &[&str], style: Style, quality: Quality) -> Optio
                 let [q, dq, _] = motion;
                 [q, dq, tau]
             };
-            logs.push(sensors.log(format!("log {index}"), [q, dq, tau], truth, rate, start, &mut random));
+            logs.push(sensors.log(
+                format!("log {index}"),
+                [q, dq, tau],
+                truth,
+                rate,
+                start,
+                &mut random,
+            ));
         }
         Some(logs)
     };
@@ -351,8 +382,12 @@ fn attempt(seed: u64, effects: &[&str], style: Style, quality: Quality) -> Optio
         let of_catalogue = !BASE.contains(effect) && !UNKNOWN.iter().any(|law| law.name == *effect);
         let term = if of_catalogue { terms.next() } else { None };
         let logs = |term: &Term| -> Option<[Vec<Recording>; 2]> {
-            let one =
-                Truth { robot: bare.robot.clone(), base: bare.base.clone(), terms: vec![term.clone()], unknown: None };
+            let one = Truth {
+                robot: bare.robot.clone(),
+                base: bare.base.clone(),
+                terms: vec![term.clone()],
+                unknown: None,
+            };
             let mut train = record(&one)?;
             let test = vec![train.pop().expect("four logs")];
             Some([train, test])
@@ -363,7 +398,20 @@ fn attempt(seed: u64, effects: &[&str], style: Style, quality: Quality) -> Optio
         });
     }
     let name = format!("{}{seed}", if closed { "closed " } else { "" });
-    Some(Case { name, guess, known, train, test, twin_train, twin_test, hidden, alone, closed, truth, sensors })
+    Some(Case {
+        name,
+        guess,
+        known,
+        train,
+        test,
+        twin_train,
+        twin_test,
+        hidden,
+        alone,
+        closed,
+        truth,
+        sensors,
+    })
 }
 
 fn sampled(motion: &Motion, rate: f64, samples: usize) -> [Vec<f64>; 3] {
@@ -385,7 +433,9 @@ fn inertia(robot: &Robot, joint: usize) -> f64 {
     let zero = vec![0.0; robot.dof()];
     let mut unit = zero.clone();
     unit[joint] = 1.0;
-    let torque = |ddq: &[f64]| TorqueModel::nominal(robot).predict(Samples { q: &zero, dq: &zero, ddq })[joint];
+    let torque = |ddq: &[f64]| {
+        TorqueModel::nominal(robot).predict(Samples { q: &zero, dq: &zero, ddq })[joint]
+    };
     torque(&unit) - torque(&zero)
 }
 
@@ -402,8 +452,10 @@ fn torque(truth: &Truth, motion: &[Vec<f64>; 3], rate: f64, start: f64) -> Vec<f
     let n = truth.robot.dof();
     let mut parameters = truth.robot.standard_parameters();
     parameters.extend(truth.base.iter().flatten());
-    let model = TorqueModel::with_parameters(&truth.robot, &BASE, parameters).expect("effects of the library");
-    let order: Vec<&str> = model.parameter_set().names()[10 * n..].iter().step_by(n).map(String::as_str).collect();
+    let model = TorqueModel::with_parameters(&truth.robot, &BASE, parameters)
+        .expect("effects of the library");
+    let order: Vec<&str> =
+        model.parameter_set().names()[10 * n..].iter().step_by(n).map(String::as_str).collect();
     assert_eq!(order, ["joint_1.Fv", "joint_1.Fc", "joint_1.Ia"]);
     let model = model.with_terms(truth.terms.clone(), Some(0));
     let samples = motion[0].len() / n;
@@ -412,7 +464,8 @@ fn torque(truth: &Truth, motion: &[Vec<f64>; 3], rate: f64, start: f64) -> Vec<f
     let mut tau = model.predict_trajectory(&trajectory);
     if let Some((joint, other, law, factor)) = truth.unknown {
         for k in 0..samples {
-            tau[k * n + joint] += factor * (law.torque)(state(motion, k, n, joint), state(motion, k, n, other));
+            tau[k * n + joint] +=
+                factor * (law.torque)(state(motion, k, n, joint), state(motion, k, n, other));
         }
     }
     tau
@@ -442,7 +495,8 @@ fn hide(
         let samples = motion[0].len() / n;
         let plain = |k: usize| (law.torque)(state(motion, k, n, joint), state(motion, k, n, other));
         let rms = ((0..samples).map(|k| plain(k).powi(2)).sum::<f64>() / samples as f64).sqrt();
-        truth.unknown = Some((joint, other, law, noise[joint] * random.logarithmic(1.5, 6.0) / rms.max(1e-9)));
+        truth.unknown =
+            Some((joint, other, law, noise[joint] * random.logarithmic(1.5, 6.0) / rms.max(1e-9)));
         hidden.push((law.answer.into(), Some(joint)));
         return;
     }
@@ -457,7 +511,9 @@ fn hide(
     let found = by_name(effect).expect("an effect of the library");
     let site = match found.sites(&truth.robot).as_slice() {
         [Site::Arm] => Site::Arm,
-        sites if sites.iter().any(|s| matches!(s, Site::Pair(..))) => sites[random.below(sites.len())],
+        sites if sites.iter().any(|s| matches!(s, Site::Pair(..))) => {
+            sites[random.below(sites.len())]
+        }
         sites if sites.contains(&Site::Joint(joint)) => Site::Joint(joint),
         sites => sites[random.below(sites.len())],
     };
@@ -472,15 +528,19 @@ fn hide(
             let start = time(random);
             vec![start, start + random.between(2.0, 8.0)]
         }
-        "base_tilt" => vec![random.sign() * random.between(0.02, 0.08), random.sign() * random.between(0.02, 0.08)],
+        "base_tilt" => vec![
+            random.sign() * random.between(0.02, 0.08),
+            random.sign() * random.between(0.02, 0.08),
+        ],
         "torque_gain_error" => vec![random.sign() * random.between(0.05, 0.15)],
         "torque_delay" => vec![random.between(0.003, 0.012)],
         "encoder_offset" => vec![random.sign() * random.between(0.03, 0.1)],
         "link_length_error" => (0..3).map(|_| random.between(-0.05, 0.05)).collect(),
         "joint_elasticity" => {
-            // Nobody moves an arm near its resonance: that of the joint is at least four times as fast as the motion.
-            let stiffest =
-                inertia(&truth.robot, joint) * (4.0 * rms(&motion[2], joint, n) / rms(&motion[1], joint, n)).powi(2);
+            // Nobody moves an arm near its resonance: that of the joint is at least four times as
+            // fast as the motion.
+            let stiffest = inertia(&truth.robot, joint)
+                * (4.0 * rms(&motion[2], joint, n) / rms(&motion[1], joint, n)).powi(2);
             vec![(random.between(0.003, 0.015) / size[joint]).min(1.0 / stiffest)]
         }
         "cable_hysteresis" => vec![random.logarithmic(0.05, 0.4)],
@@ -498,7 +558,9 @@ fn hide(
     let mut term = Term::new(found, site, constants);
     match effect {
         "payload_change" => {
-            let mass = random.between(0.1, 0.5) * truth.robot.standard_parameters()[10 * (n - 1)].max(0.5) * 4.0;
+            let mass = random.between(0.1, 0.5)
+                * truth.robot.standard_parameters()[10 * (n - 1)].max(0.5)
+                * 4.0;
             let centre: [f64; 3] = std::array::from_fn(|_| random.between(-0.1, 0.1));
             let [x, y, z] = centre;
             let i = 0.002 * mass;
@@ -515,10 +577,13 @@ fn hide(
             ]);
         }
         "external_contact" => {
-            term.coefficients.iter_mut().for_each(|force| *force = random.sign() * random.between(5.0, 25.0));
+            term.coefficients
+                .iter_mut()
+                .for_each(|force| *force = random.sign() * random.between(5.0, 25.0));
         }
         _ => {
-            let positive: Vec<bool> = term.effect.parameters().iter().map(|p| p.non_negative).collect();
+            let positive: Vec<bool> =
+                term.effect.parameters().iter().map(|p| p.non_negative).collect();
             for (value, positive) in term.coefficients.iter_mut().zip(positive) {
                 *value = if positive { 1.0 } else { random.sign() } * random.between(0.3, 1.0);
             }
@@ -531,7 +596,14 @@ fn hide(
 }
 
 /// Makes the torque of a term a few times as large as the noise.
-fn scale(term: &mut Term, truth: &Truth, motion: &[Vec<f64>; 3], rate: f64, noise: &[f64], random: &mut Random) {
+fn scale(
+    term: &mut Term,
+    truth: &Truth,
+    motion: &[Vec<f64>; 3],
+    rate: f64,
+    noise: &[f64],
+    random: &mut Random,
+) {
     if term.coefficients.is_empty() {
         return;
     }
@@ -542,13 +614,21 @@ fn scale(term: &mut Term, truth: &Truth, motion: &[Vec<f64>; 3], rate: f64, nois
     // Each column first as large as any other: parameters have different units.
     for k in 0..term.coefficients.len() {
         let mut single = term.clone();
-        (0..single.coefficients.len()).filter(|j| *j != k).for_each(|j| single.coefficients[j] = 0.0);
+        (0..single.coefficients.len())
+            .filter(|j| *j != k)
+            .for_each(|j| single.coefficients[j] = 0.0);
         let joint = term.site.joint().unwrap_or(0);
         let [with, without] = [vec![single], vec![]].map(|terms| {
-            let truth = Truth { robot: truth.robot.clone(), base: truth.base.clone(), terms, unknown: None };
+            let truth = Truth {
+                robot: truth.robot.clone(),
+                base: truth.base.clone(),
+                terms,
+                unknown: None,
+            };
             torque(&truth, motion, rate, start)
         });
-        let squares: f64 = with.iter().zip(&without).skip(joint).step_by(n).map(|(a, b)| (a - b).powi(2)).sum();
+        let squares: f64 =
+            with.iter().zip(&without).skip(joint).step_by(n).map(|(a, b)| (a - b).powi(2)).sum();
         let rms = (squares / (with.len() / n) as f64).sqrt().max(1e-9);
         term.coefficients[k] *= noise[joint] * random.logarithmic(1.0, 6.0) / rms;
     }

@@ -1,7 +1,8 @@
-//! An arm under a controller, with dry friction that really sticks: impulses per step, by projected Gauss-Seidel.
+//! An arm under a controller, with dry friction that really sticks: impulses per step, by projected
+//! Gauss-Seidel.
 //!
-//! Source: D. E. Stewart, J. C. Trinkle, An implicit time-stepping scheme for rigid body dynamics with inelastic
-//! collisions and Coulomb friction, Int. J. Numer. Meth. Eng. 39 (1996).
+//! Source: D. E. Stewart, J. C. Trinkle, An implicit time-stepping scheme for rigid body dynamics
+//! with inelastic collisions and Coulomb friction, Int. J. Numer. Meth. Eng. 39 (1996).
 
 use sgpr_core::dynamics::{Samples, Workspace, bias_forces, mass_matrix, rnea};
 use sgpr_core::effects::Context;
@@ -34,7 +35,8 @@ impl Plant<'_> {
     }
 }
 
-/// Follows `motion` from the session time `start`; every `every` steps a row of position, velocity and motor torque.
+/// Follows `motion` from the session time `start`; every `every` steps a row of position, velocity
+/// and motor torque.
 pub fn follow(
     plant: &Plant<'_>,
     guess: &Robot,
@@ -74,10 +76,12 @@ pub fn follow(
         let extra = torque_of_terms(plant, &q, &dq, start + time);
         let bias = bias_forces(robot, &mut ws, &q, &dq);
         // Viscous friction implicit, so that light wrists stay stable.
-        let force: Vec<f64> = (0..n).map(|j| tau[j] - bias[j] - extra[j] - plant.viscous[j] * dq[j]).collect();
+        let force: Vec<f64> =
+            (0..n).map(|j| tau[j] - bias[j] - extra[j] - plant.viscous[j] * dq[j]).collect();
         (0..n).for_each(|j| mass[j * n + j] += STEP * plant.viscous[j]);
         let inverse = inverted(&mass, n);
-        let times = |x: &[f64], row: usize| (0..n).map(|j| inverse[row * n + j] * x[j]).sum::<f64>();
+        let times =
+            |x: &[f64], row: usize| (0..n).map(|j| inverse[row * n + j] * x[j]).sum::<f64>();
         let free: Vec<f64> = (0..n).map(|j| dq[j] + STEP * times(&force, j)).collect();
         for _ in 0..SWEEPS {
             for j in 0..n {
@@ -97,7 +101,9 @@ fn torque_of_terms(plant: &Plant<'_>, q: &[f64], dq: &[f64], time: f64) -> Vec<f
     let mut torque = vec![0.0; n];
     let still = vec![0.0; n];
     let (time, motion) = ([time], Samples { q, dq, ddq: &still });
-    let context = Context::new(plant.robot, 1.0 / STEP, &time, motion).with_rigid_torque(&still).with_torque(&still);
+    let context = Context::new(plant.robot, 1.0 / STEP, &time, motion)
+        .with_rigid_torque(&still)
+        .with_torque(&still);
     for term in plant.terms.iter().filter(|term| term.effect.name() != PAYLOAD) {
         let joint = term.site.joint();
         let length = if term.effect.reach() == sgpr_core::effects::Reach::All { n } else { 1 };

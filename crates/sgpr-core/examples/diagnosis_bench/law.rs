@@ -1,4 +1,5 @@
-//! Torques that no effect of the catalogue makes, and effects in a form that the catalogue does not write them in.
+//! Torques that no effect of the catalogue makes, and effects in a form that the catalogue does not
+//! write them in.
 
 /// Position, speed and acceleration of a joint.
 pub type State = [f64; 3];
@@ -24,10 +25,14 @@ pub const UNKNOWN: [Law; 6] = [
 
 /// Effects of the catalogue in another form.
 pub const FORMS: [Law; 6] = [
-    form("exponential_stribeck", "stribeck_friction", |[_, dq, _], _| sign(dq) * (-dq.abs() / 0.08).exp()),
+    form("exponential_stribeck", "stribeck_friction", |[_, dq, _], _| {
+        sign(dq) * (-dq.abs() / 0.08).exp()
+    }),
     form("saturating_cable", "cable_stiffness", |[q, ..], _| (1.5 * (q - 0.2)).tanh()),
     form("turbulent_drag", "quadratic_viscous_friction", |[_, dq, _], _| dq * dq.abs().powf(0.8)),
-    form("tight_spot", "position_dependent_friction", |[q, dq, _], _| sign(dq) * (-(q - 0.4).powi(2) / 0.3).exp()),
+    form("tight_spot", "position_dependent_friction", |[q, dq, _], _| {
+        sign(dq) * (-(q - 0.4).powi(2) / 0.3).exp()
+    }),
     form("triangular_ripple", "torque_ripple", |[q, ..], _| (20.0 * q).cos().asin()),
     form("asymmetric_drag", "asymmetric_viscous_friction", |[_, dq, _], _| dq.max(0.0).powf(0.9)),
 ];

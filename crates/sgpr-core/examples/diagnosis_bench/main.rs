@@ -1,11 +1,13 @@
-//! Measures the diagnosis on random arms with random hidden effects, noise and rates, some of them under a controller
-//! with friction that sticks, and on logs of real arms to whose torque an effect was added:
+//! Measures the diagnosis on random arms with random hidden effects, noise and rates, some of them
+//! under a controller with friction that sticks, and on logs of real arms to whose torque an effect
+//! was added:
 //!
 //! `cargo run --release --example diagnosis_bench -- [--seed 1] [--rounds 1] [--only KIND] [--effect NAME] [--case SEED] [--rough]`
 //!
-//! Kinds are `exact`, `pairs`, `joint` (two at one joint), `null`, `closed`, `unknown`, `beside` (an unknown law beside a known
-//! effect), `forms`, `poor` and `poornull` (short, slowly sampled, noise with a memory), `real` (with `SGPR_DATA`), and `next`. With
-//! `--rough` the noise of the torque has a memory and encoders have steps of 0.1 mrad.
+//! Kinds are `exact`, `pairs`, `joint` (two at one joint), `null`, `closed`, `unknown`, `beside`
+//! (an unknown law beside a known effect), `forms`, `poor` and `poornull` (short, slowly sampled,
+//! noise with a memory), `real` (with `SGPR_DATA`), and `next`. With `--rough` the noise of the
+//! torque has a memory and encoders have steps of 0.1 mrad.
 
 mod arm;
 mod case;
@@ -82,7 +84,8 @@ fn hidden(kind: &str, index: usize, seed: u64) -> (Vec<&'static str>, Style) {
 
 fn main() -> Result<(), Failure> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let value = |name: &str| arguments.iter().position(|a| a == name).and_then(|k| arguments.get(k + 1));
+    let value =
+        |name: &str| arguments.iter().position(|a| a == name).and_then(|k| arguments.get(k + 1));
     let first: u64 = value("--seed").map_or(Ok(1), |text| text.parse())?;
     let rounds: u64 = value("--rounds").map_or(Ok(1), |text| text.parse())?;
     let only = value("--only").map_or("", String::as_str);
@@ -104,12 +107,17 @@ fn main() -> Result<(), Failure> {
                 let seed = first + 1000 * round + 100_000 * kind + index as u64;
                 let (effects, style) = hidden(name, index, seed);
                 let repeated = effects.len() == 2 && effects[0] == effects[1];
-                let wanted = case.is_none_or(|case| case == seed) && effect.is_none_or(|e| effects.contains(&e));
+                let wanted = case.is_none_or(|case| case == seed)
+                    && effect.is_none_or(|e| effects.contains(&e));
                 if repeated || !wanted {
                     continue;
                 }
                 let case = make(seed, &effects, style, quality(name));
-                if name == "next" { totals.take_next(&case)? } else { totals.take(title(name), &case)? }
+                if name == "next" {
+                    totals.take_next(&case)?
+                } else {
+                    totals.take(title(name), &case)?
+                }
             }
         }
     }
@@ -129,7 +137,8 @@ fn main() -> Result<(), Failure> {
 #[derive(Default)]
 struct Totals {
     table: Table,
-    /// Parameters of effects that are found, alone and first: within a tenth or two standard deviations, all.
+    /// Parameters of effects that are found, alone and first: within a tenth or two standard
+    /// deviations, all.
     parameters: [usize; 2],
     /// Where another motion was proposed: first finding right without it, with it, all.
     next: [usize; 3],
@@ -139,7 +148,9 @@ struct Totals {
 
 /// One answer for both: a constant cannot be told from it while the joint moves.
 fn plain(effect: &str) -> String {
-    effect.replace("asymmetric_coulomb_friction", "torque_offset").replace("cogging_torque", "torque_ripple")
+    effect
+        .replace("asymmetric_coulomb_friction", "torque_offset")
+        .replace("cogging_torque", "torque_ripple")
 }
 
 /// The model of the user of a case.
@@ -159,13 +170,16 @@ fn first(case: &Case, diagnosis: &Diagnosis) -> (String, bool) {
     let Some(found) = diagnosis.findings.first() else { return ("nothing".into(), false) };
     let (effect, joint) = &case.hidden[0];
     let joint = joint.map(|j| names[j]).into_iter();
-    let right = plain(&found.effect) == plain(effect) && joint.eq(found.joints.iter().map(String::as_str));
+    let right =
+        plain(&found.effect) == plain(effect) && joint.eq(found.joints.iter().map(String::as_str));
     (format!("{} {}", found.effect, found.joints.join(" ")), right)
 }
 
-/// Parameters of the only effect that is hidden, if it is found first: within a tenth or two standard deviations, all.
+/// Parameters of the only effect that is hidden, if it is found first: within a tenth or two
+/// standard deviations, all.
 fn parameters(case: &Case, diagnosis: &Diagnosis) -> [usize; 2] {
-    let Some(found) = diagnosis.findings.first().filter(|found| found.effect == case.hidden[0].0) else {
+    let Some(found) = diagnosis.findings.first().filter(|found| found.effect == case.hidden[0].0)
+    else {
         return [0; 2];
     };
     let truth = case.parameters();
@@ -181,10 +195,15 @@ impl Totals {
         let fit = |logs: &[Recording]| identified(case, logs);
         let model = fit(&case.train)?;
         let clock = Instant::now();
-        let diagnosis = diagnose(&model, &case.train, &case.test, &DiagnosisOptions::default(), &())?;
+        let diagnosis =
+            diagnose(&model, &case.train, &case.test, &DiagnosisOptions::default(), &())?;
         let seconds = clock.elapsed().as_secs_f64();
         let errors = |model: &TorqueModel, logs: &[Recording]| -> Result<Vec<f64>, Failure> {
-            Ok(compare(model, logs, None)?.joints.iter().map(|joint| joint.rmse_full_band).collect())
+            Ok(compare(model, logs, None)?
+                .joints
+                .iter()
+                .map(|joint| joint.rmse_full_band)
+                .collect())
         };
         let floor = if case.closed && !case.hidden.is_empty() {
             errors(&told(case, &model)?, &case.test)?
@@ -211,14 +230,21 @@ impl Totals {
     /// Records what the diagnosis proposes to record, and asks again.
     fn take_next(&mut self, case: &Case) -> Result<(), Failure> {
         let asked = |train: &[Recording]| -> Result<Diagnosis, Failure> {
-            Ok(diagnose(&identified(case, train)?, train, &case.test, &DiagnosisOptions::default(), &())?)
+            Ok(diagnose(
+                &identified(case, train)?,
+                train,
+                &case.test,
+                &DiagnosisOptions::default(),
+                &(),
+            )?)
         };
         let before = asked(&case.train)?;
         let Some(motion) = before.next_motion() else {
             println!("  {} {:?}: {}, no motion", case.name, case.hidden, first(case, &before).0);
             return Ok(());
         };
-        let end = case.train.last().and_then(|log| log.time().last()).map_or(0.0, |t| *t as f64 * 1e-9);
+        let end =
+            case.train.last().and_then(|log| log.time().last()).map_or(0.0, |t| *t as f64 * 1e-9);
         let all = [&case.train[..], &[case.record(motion, end + 60.0)]].concat();
         let after = asked(&all)?;
         let [(was, was_right), (is, is_right)] = [first(case, &before), first(case, &after)];
@@ -226,7 +252,12 @@ impl Totals {
             *count += usize::from(right);
         }
         let mark = if is_right { '+' } else { '-' };
-        println!("{mark} {} {:?}: {was}, then {is}; {} left", case.name, case.hidden, after.next_experiment.len());
+        println!(
+            "{mark} {} {:?}: {was}, then {is}; {} left",
+            case.name,
+            case.hidden,
+            after.next_experiment.len()
+        );
         for one in &before.next_experiment {
             let (now, then) = (one.separation_now, one.separation_expected);
             println!("    {}: {now:.0} to {then:.0}, {}", one.about.join(", "), one.experiment);
@@ -244,18 +275,25 @@ impl Totals {
         seconds: f64,
     ) -> Row {
         let names: Vec<&str> = case.guess.joint_names().collect();
-        let truth: Vec<(String, Option<&str>)> =
-            case.hidden.iter().map(|(effect, joint)| (plain(effect), joint.map(|j| names[j]))).collect();
+        let truth: Vec<(String, Option<&str>)> = case
+            .hidden
+            .iter()
+            .map(|(effect, joint)| (plain(effect), joint.map(|j| names[j])))
+            .collect();
         let found: Vec<(String, Option<&str>, f64)> = diagnosis
             .findings
             .iter()
             .flat_map(|f| {
-                let joints: Vec<Option<&str>> =
-                    if f.joints.is_empty() { vec![None] } else { f.joints.iter().map(|j| Some(j.as_str())).collect() };
+                let joints: Vec<Option<&str>> = if f.joints.is_empty() {
+                    vec![None]
+                } else {
+                    f.joints.iter().map(|j| Some(j.as_str())).collect()
+                };
                 joints.into_iter().map(|joint| (plain(&f.effect), joint, f.probability))
             })
             .collect();
-        let is = |f: &(String, Option<&str>, f64), t: &(String, Option<&str>)| t.0 == f.0 && t.1 == f.1;
+        let is =
+            |f: &(String, Option<&str>, f64), t: &(String, Option<&str>)| t.0 == f.0 && t.1 == f.1;
         let right = |f: &(String, Option<&str>, f64)| truth.iter().any(|t| is(f, t));
         let unknown = truth.iter().any(|(effect, _)| effect.starts_with("unknown"));
         let is_wanted = |k: usize| {
@@ -278,7 +316,11 @@ impl Totals {
         };
         if unknown || truth.is_empty() {
             row.to_be_said = 1;
-            row.said = usize::from(if unknown { diagnosis.probability_unexplained >= 0.5 } else { silent });
+            row.said = usize::from(if unknown {
+                diagnosis.probability_unexplained >= 0.5
+            } else {
+                silent
+            });
         }
         if !wanted.is_empty() {
             row.closed.push(closure);
@@ -292,12 +334,17 @@ impl Totals {
         }
         let well = row.found == row.wanted && row.said == row.to_be_said;
         let mark = if well { '+' } else { '-' };
-        let place = |joint: &Option<&str>| joint.map_or("", |j| j.trim_start_matches("joint")).to_string();
-        let hidden: Vec<String> = truth.iter().map(|(effect, joint)| format!("{effect}{}", place(joint))).collect();
-        let told: Vec<String> =
-            found.iter().map(|(effect, joint, p)| format!("{effect}{} {p:.2}", place(joint))).collect();
+        let place =
+            |joint: &Option<&str>| joint.map_or("", |j| j.trim_start_matches("joint")).to_string();
+        let hidden: Vec<String> =
+            truth.iter().map(|(effect, joint)| format!("{effect}{}", place(joint))).collect();
+        let told: Vec<String> = found
+            .iter()
+            .map(|(effect, joint, p)| format!("{effect}{} {p:.2}", place(joint)))
+            .collect();
         println!(
-            "{mark} {:<13} {:?} [{}] found [{}] {} false, closure {closure:.2}{}, left {:?} {seconds:.1} s",
+            "{mark} {:<13} {:?} [{}] found [{}] {} false, closure {closure:.2}{}, left {:?} \
+             {seconds:.1} s",
             case.name,
             diagnosis.verdict,
             hidden.join(", "),
@@ -308,8 +355,9 @@ impl Totals {
         );
         if !well {
             let best = diagnosis.candidates.iter().take(6);
-            let list: Vec<String> =
-                best.map(|c| format!("{} {} {:.0}", c.effect, c.joints.join(" "), c.score)).collect();
+            let list: Vec<String> = best
+                .map(|c| format!("{} {} {:.0}", c.effect, c.joints.join(" "), c.score))
+                .collect();
             println!("    most evidence: {}", list.join(", "));
         }
         row
@@ -318,12 +366,19 @@ impl Totals {
     fn print(&self) {
         println!("\n{}", self.table);
         let [close, all] = self.parameters;
-        println!("parameters of effects found first, within a tenth or two standard deviations: {close}/{all}");
+        println!(
+            "parameters of effects found first, within a tenth or two standard deviations: \
+             {close}/{all}"
+        );
         let [was, is, all] = self.next;
-        println!("with a motion proposed, first finding right before and after it: {was}/{all}, {is}/{all}");
+        println!(
+            "with a motion proposed, first finding right before and after it: {was}/{all}, \
+             {is}/{all}"
+        );
         println!("\n| hidden | first finding |\n|---|---|");
         for (hidden, found) in &self.confusion {
-            let list: Vec<String> = found.iter().map(|(name, count)| format!("{name} {count}")).collect();
+            let list: Vec<String> =
+                found.iter().map(|(name, count)| format!("{name} {count}")).collect();
             println!("| {hidden} | {} |", list.join(", "));
         }
     }

@@ -6,7 +6,8 @@ use std::fmt;
 #[derive(Clone, Debug, Default)]
 pub struct Row {
     pub cases: usize,
-    /// Effects of the catalogue that were hidden and raise the error, and those of them that are among the findings.
+    /// Effects of the catalogue that were hidden and raise the error, and those of them that are
+    /// among the findings.
     pub wanted: usize,
     pub found: usize,
     /// Cases with such effects, and those in which the first finding is one of them.
@@ -16,7 +17,8 @@ pub struct Row {
     pub wrong: usize,
     /// Findings of the same logs without the effect that are gone with it.
     pub gone: usize,
-    /// Cases in which nothing is missing, or what no effect explains, and those in which that is said.
+    /// Cases in which nothing is missing, or what no effect explains, and those in which that is
+    /// said.
     pub to_be_said: usize,
     pub said: usize,
     /// Share of the error on unseen logs that is gone, of what one who is told would remove.
@@ -85,12 +87,15 @@ impl fmt::Display for Table {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(
             f,
-            "| logs | cases | found | found first | not there, a case | gone, a case | said | error closed, % | Brier | s |"
+            "| logs | cases | found | found first | not there, a case | gone, a case | said | \
+             error closed, % | Brier | s |"
         )?;
         writeln!(f, "|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|")?;
         let mut all = Row::default();
         self.0.iter().for_each(|(_, row)| all.add(row.clone()));
-        for (name, row) in self.0.iter().map(|(name, row)| (name.as_str(), row)).chain([("all", &all)]) {
+        for (name, row) in
+            self.0.iter().map(|(name, row)| (name.as_str(), row)).chain([("all", &all)])
+        {
             writeln!(
                 f,
                 "| {name} | {} | {} | {} | {:.2} | {:.2} | {} | {} | {} | {:.1} |",
@@ -108,10 +113,20 @@ impl fmt::Display for Table {
         writeln!(f, "\n| probability of a finding | findings | there |\n|---|---:|---:|")?;
         for bin in 0..5 {
             let inside = |p: f64| ((5.0 * p) as usize).min(4) == bin;
-            let own: Vec<bool> =
-                all.probabilities.iter().filter(|(p, _)| inside(*p)).map(|(_, right)| *right).collect();
+            let own: Vec<bool> = all
+                .probabilities
+                .iter()
+                .filter(|(p, _)| inside(*p))
+                .map(|(_, right)| *right)
+                .collect();
             let right = own.iter().filter(|right| **right).count();
-            writeln!(f, "| {:.1} to {:.1} | {} | {right} |", 0.2 * bin as f64, 0.2 * (bin + 1) as f64, own.len())?;
+            writeln!(
+                f,
+                "| {:.1} to {:.1} | {} | {right} |",
+                0.2 * bin as f64,
+                0.2 * (bin + 1) as f64,
+                own.len()
+            )?;
         }
         Ok(())
     }

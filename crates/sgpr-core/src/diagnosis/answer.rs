@@ -41,8 +41,8 @@ pub struct Detectable {
     pub unit: String,
     /// Size from which it is seen: it has evidence, and the error falls by as much as matters.
     pub seen_from: f64,
-    /// Root mean square torque of the effect of that size, at the joint where it is largest against what is left,
-    /// N·m (N).
+    /// Root mean square torque of the effect of that size, at the joint where it is largest against
+    /// what is left, N·m (N).
     pub torque: f64,
     /// Share of that torque that the parameters of the model do not take up.
     pub visible: f64,
@@ -81,17 +81,20 @@ pub struct Finding {
     pub effect: String,
     /// Names of its joints; none for an effect of the whole arm.
     pub joints: Vec<String>,
-    /// Probability that it is there, or a form of it that these logs cannot tell from it; [`Self::evidence`] names those.
+    /// Probability that it is there, or a form of it that these logs cannot tell from it;
+    /// [`Self::evidence`] names those.
     pub probability: f64,
     /// Log of the Bayes factor against the same model without it.
     pub score: f64,
     /// Constants and linear parameters.
     pub parameters: Vec<FoundParameter>,
-    /// Error on blocks of time that no fit has seen, of the model with all findings but this, N·m (N).
+    /// Error on blocks of time that no fit has seen, of the model with all findings but this, N·m
+    /// (N).
     pub rmse_before: ByJoint,
     /// The same with it; of a candidate with its constants as they were ranked.
     pub rmse_after: ByJoint,
-    /// Largest fall of that error on a joint, percent of it: negative if it only rises, 0 for a candidate without evidence.
+    /// Largest fall of that error on a joint, percent of it: negative if it only rises, 0 for a
+    /// candidate without evidence.
     #[serde(default)]
     pub error_gained_percent: f64,
     /// One sentence.
@@ -115,7 +118,8 @@ pub struct NotTestable {
     pub why: String,
 }
 
-/// Error of a joint on the test logs, torque as logged against prediction, and what noise alone would leave.
+/// Error of a joint on the test logs, torque as logged against prediction, and what noise alone
+/// would leave.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct JointErrors {
@@ -125,7 +129,8 @@ pub struct JointErrors {
     pub rmse_after: f64,
     /// Noise of the torque, N·m (N).
     pub noise: f64,
-    /// 100 (1 - |residual| / |measured - its mean|) before, percent; none for a joint that never moves.
+    /// 100 (1 - |residual| / |measured - its mean|) before, percent; none for a joint that never
+    /// moves.
     #[serde(rename = "fit_percent_before", alias = "fit_before")]
     pub fit_before: Option<f64>,
     /// The same after.
@@ -216,7 +221,8 @@ impl Diagnosis {
         serde_json::to_string_pretty(self).expect("finite numbers and strings")
     }
 
-    /// The diagnosis that [`Self::to_json`] wrote, with the models and the motions of its next experiments.
+    /// The diagnosis that [`Self::to_json`] wrote, with the models and the motions of its next
+    /// experiments.
     ///
     /// # Errors
     /// If the text is no diagnosis, or the motions are not those of its experiments.
@@ -226,11 +232,16 @@ impl Diagnosis {
         after: TorqueModel,
         motions: Vec<TrajectorySamples>,
     ) -> Result<Self, String> {
-        let mut data: serde_json::Value = serde_json::from_str(text).map_err(|error| error.to_string())?;
+        let mut data: serde_json::Value =
+            serde_json::from_str(text).map_err(|error| error.to_string())?;
         let data = &mut data;
         let mut next_experiment: Vec<NextExperiment> = field(data, "next_experiment")?;
         if next_experiment.len() != motions.len() {
-            return Err(format!("{} experiments, {} motions", next_experiment.len(), motions.len()));
+            return Err(format!(
+                "{} experiments, {} motions",
+                next_experiment.len(),
+                motions.len()
+            ));
         }
         for (experiment, motion) in next_experiment.iter_mut().zip(motions) {
             experiment.motion = motion;
@@ -259,15 +270,18 @@ impl Diagnosis {
         })
     }
 
-    /// The motions of [`Self::next_experiment`] one after the other, 100 samples per second; `None` if there is none.
+    /// The motions of [`Self::next_experiment`] one after the other, 100 samples per second; `None`
+    /// if there is none.
     pub fn next_motion(&self) -> Option<TrajectorySamples> {
-        let motions: Vec<&TrajectorySamples> = self.next_experiment.iter().map(|one| &one.motion).collect();
+        let motions: Vec<&TrajectorySamples> =
+            self.next_experiment.iter().map(|one| &one.motion).collect();
         (!motions.is_empty()).then(|| TrajectorySamples::in_a_row(&motions, RATE_HZ))
     }
 }
 
 impl Finding {
-    /// What somebody knows to act, to be added without a search: terms with their constants, from which the fit starts.
+    /// What somebody knows to act, to be added without a search: terms with their constants, from
+    /// which the fit starts.
     pub fn of_terms(terms: Vec<Term>) -> Self {
         Self {
             effect: String::new(),
@@ -289,7 +303,11 @@ impl Finding {
     ///
     /// # Errors
     /// If the text is no finding.
-    pub fn from_json(text: &str, before: &TorqueModel, after: &TorqueModel) -> Result<Self, String> {
+    pub fn from_json(
+        text: &str,
+        before: &TorqueModel,
+        after: &TorqueModel,
+    ) -> Result<Self, String> {
         let mut found: Self = serde_json::from_str(text).map_err(|error| error.to_string())?;
         found.take_terms(before, after);
         Ok(found)
@@ -302,7 +320,9 @@ impl Finding {
 
     /// The same with the fall of its error.
     pub(super) fn with_gain(mut self) -> Self {
-        let fall = |(joint, before): (&String, &f64)| Some(100.0 * (1.0 - self.rmse_after.get(joint)? / before));
+        let fall = |(joint, before): (&String, &f64)| {
+            Some(100.0 * (1.0 - self.rmse_after.get(joint)? / before))
+        };
         let falls = self.rmse_before.iter().filter_map(fall).filter(|fall| fall.is_finite());
         self.error_gained_percent = falls.reduce(f64::max).unwrap_or(0.0);
         self
@@ -310,7 +330,13 @@ impl Finding {
 
     fn take_terms(&mut self, before: &TorqueModel, after: &TorqueModel) {
         let fresh = |term: &&Term| !before.terms().iter().any(|known| known.is_like(term));
-        self.terms = after.terms().iter().filter(fresh).filter(|term| self.holds(term, after)).cloned().collect();
+        self.terms = after
+            .terms()
+            .iter()
+            .filter(fresh)
+            .filter(|term| self.holds(term, after))
+            .cloned()
+            .collect();
     }
 
     /// Whether a term of a model is part of this finding.
@@ -325,7 +351,10 @@ impl Finding {
     }
 }
 
-fn field<T: serde::de::DeserializeOwned>(data: &mut serde_json::Value, name: &str) -> Result<T, String> {
+fn field<T: serde::de::DeserializeOwned>(
+    data: &mut serde_json::Value,
+    name: &str,
+) -> Result<T, String> {
     let value = data.get_mut(name).ok_or_else(|| format!("no `{name}`"))?.take();
     serde_json::from_value(value).map_err(|error| format!("{name}: {error}"))
 }

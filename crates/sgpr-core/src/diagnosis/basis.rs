@@ -34,7 +34,8 @@ pub(super) struct Rest {
 impl Rest {
     /// Of the rows that may be noise, per degree of freedom, (N·m)² (N²).
     fn variance(&self) -> f64 {
-        let own = || self.residual.iter().zip(&self.calm).filter(|(_, calm)| **calm).map(|(x, _)| x);
+        let own =
+            || self.residual.iter().zip(&self.calm).filter(|(_, calm)| **calm).map(|(x, _)| x);
         let count = own().count() as f64;
         let freedom = (count - self.used as f64).max(0.2 * count).max(1.0);
         own().map(|x| x * x).sum::<f64>() / freedom
@@ -80,7 +81,8 @@ impl Noise {
             let covariance = |lag: usize| {
                 let run = &problem.run[joint];
                 let pairs = (lag..r.len()).filter(|&k| run[k] >= lag && calm[k] && calm[k - lag]);
-                let (sum, count) = pairs.fold((0.0, 0.0), |(s, c), k| (s + r[k] * r[k - lag], c + 1.0));
+                let (sum, count) =
+                    pairs.fold((0.0, 0.0), |(s, c), k| (s + r[k] * r[k - lag], c + 1.0));
                 sum / f64::max(count, 1.0)
             };
             let c: Vec<f64> = (0..=order.min(ORDER)).map(covariance).collect();
@@ -107,20 +109,23 @@ impl Noise {
 
     /// Rows that count.
     pub fn rows(&self, problem: &Problem) -> f64 {
-        let of_joint = |(run, phi): (&Vec<usize>, &Vec<f64>)| run.iter().filter(|run| **run >= phi.len()).count();
+        let of_joint = |(run, phi): (&Vec<usize>, &Vec<f64>)| {
+            run.iter().filter(|run| **run >= phi.len()).count()
+        };
         problem.run.iter().zip(&self.phi).map(of_joint).sum::<usize>() as f64
     }
 }
 
-/// What whitened columns span: they and the triangle R of their products, RᵀR = WᵀW, so that the rows of R⁻ᵀWᵀ are the
-/// shares along an orthonormal basis which is never formed.
+/// What whitened columns span: they and the triangle R of their products, RᵀR = WᵀW, so that the
+/// rows of R⁻ᵀWᵀ are the shares along an orthonormal basis which is never formed.
 #[derive(Clone, Debug)]
 pub(super) struct Basis {
     /// The independent columns W.
     independent: Vec<Arc<Column>>,
     /// Index of each of them among all columns.
     kept: Vec<usize>,
-    /// Of each the precision that its factor has before any data, 0 for none: one more row of the triangle's products.
+    /// Of each the precision that its factor has before any data, 0 for none: one more row of the
+    /// triangle's products.
     precision: Vec<f64>,
     /// Columns of R.
     triangle: Vec<Vec<f64>>,
@@ -136,11 +141,17 @@ impl Basis {
         Self::with_first(columns, |_| false)
     }
 
-    /// The same, where of columns that depend on each other those stay whose index is to come `first`.
+    /// The same, where of columns that depend on each other those stay whose index is to come
+    /// `first`.
     pub fn with_first(columns: Vec<Column>, first: impl Fn(usize) -> bool) -> Self {
         let columns: Vec<Arc<Column>> = columns.into_iter().map(Arc::new).collect();
-        let mut basis =
-            Self { independent: vec![], kept: vec![], precision: vec![], triangle: vec![], columns: columns.len() };
+        let mut basis = Self {
+            independent: vec![],
+            kept: vec![],
+            precision: vec![],
+            triangle: vec![],
+            columns: columns.len(),
+        };
         for turn in [true, false] {
             for index in (0..columns.len()).filter(|index| first(*index) == turn) {
                 basis.take(index, columns[index].clone(), 0.0);
@@ -202,14 +213,18 @@ impl Basis {
         }
     }
 
-    /// Takes what the columns span out of a column, but for what their factors are not believed to be.
+    /// Takes what the columns span out of a column, but for what their factors are not believed to
+    /// be.
     pub fn project_out(&self, column: &mut Column) {
         /// The second takes what the first has left by rounding.
         const ROUNDS: usize = 2;
         let mut factors = vec![0.0; self.rank()];
         for _ in 0..ROUNDS {
             let mut step: Vec<f64> = self.independent.iter().map(|own| dot(own, column)).collect();
-            step.iter_mut().zip(&self.precision).zip(&factors).for_each(|((step, p), factor)| *step -= p * factor);
+            step.iter_mut()
+                .zip(&self.precision)
+                .zip(&factors)
+                .for_each(|((step, p), factor)| *step -= p * factor);
             self.forward_substitute(&mut step);
             self.back_substitute(&mut step);
             for ((own, step), factor) in self.independent.iter().zip(step).zip(&mut factors) {
@@ -226,7 +241,11 @@ impl Basis {
 
     /// What factors of all columns cost that are not what they are expected to be.
     pub fn cost(&self, factors: &[f64]) -> f64 {
-        self.kept.iter().zip(&self.precision).map(|(index, precision)| precision * factors[*index].powi(2)).sum()
+        self.kept
+            .iter()
+            .zip(&self.precision)
+            .map(|(index, precision)| precision * factors[*index].powi(2))
+            .sum()
     }
 
     /// Shares of a column along the basis.
@@ -236,15 +255,17 @@ impl Basis {
         products
     }
 
-    /// Per column its shares along the basis. Where all columns begin or end with zeros nothing is computed.
+    /// Per column its shares along the basis. Where all columns begin or end with zeros nothing is
+    /// computed.
     pub fn shares(&self, columns: &[Column]) -> Vec<Vec<f64>> {
         let spans = spans(columns);
         let of_column = |column: &Column| {
             let product = |own: &Arc<Column>| {
-                let along = |((own, x), rows): ((&Vec<f64>, &Vec<f64>), &std::ops::Range<usize>)| {
-                    let both = own.get(rows.clone()).zip(x.get(rows.clone()));
-                    both.map_or(0.0, |(own, x)| dot_in_lanes(own, x))
-                };
+                let along =
+                    |((own, x), rows): ((&Vec<f64>, &Vec<f64>), &std::ops::Range<usize>)| {
+                        let both = own.get(rows.clone()).zip(x.get(rows.clone()));
+                        both.map_or(0.0, |(own, x)| dot_in_lanes(own, x))
+                    };
                 own.iter().zip(column).zip(&spans).map(along).sum()
             };
             let mut products: Vec<f64> = self.independent.iter().map(product).collect();
@@ -261,16 +282,21 @@ impl Basis {
         let some = |columns: &[&Column]| -> Vec<Vec<f64>> {
             let mut shares = vec![vec![0.0; self.rank()]; columns.len()];
             for joint in 0..columns[0].len() {
-                let own: Vec<usize> = (0..columns.len()).filter(|&c| !columns[c][joint].is_empty()).collect();
-                let with: Vec<usize> = (0..self.rank()).filter(|&k| !self.independent[k][joint].is_empty()).collect();
+                let own: Vec<usize> =
+                    (0..columns.len()).filter(|&c| !columns[c][joint].is_empty()).collect();
+                let with: Vec<usize> =
+                    (0..self.rank()).filter(|&k| !self.independent[k][joint].is_empty()).collect();
                 let (Some(first), false) = (own.first(), with.is_empty()) else { continue };
                 let rows = columns[*first][joint].len();
                 let z = Mat::from_fn(rows, own.len(), |row, c| columns[own[c]][joint][row]);
-                let w = Mat::from_fn(rows, with.len(), |row, k| self.independent[with[k]][joint][row]);
+                let w =
+                    Mat::from_fn(rows, with.len(), |row, k| self.independent[with[k]][joint][row]);
                 let mut products = Mat::<f64>::zeros(with.len(), own.len());
                 matmul(products.as_mut(), Accum::Replace, w.transpose(), z.as_ref(), 1.0, Par::Seq);
                 for (c, column) in own.iter().enumerate() {
-                    with.iter().enumerate().for_each(|(k, basis)| shares[*column][*basis] += products[(k, c)]);
+                    with.iter()
+                        .enumerate()
+                        .for_each(|(k, basis)| shares[*column][*basis] += products[(k, c)]);
                 }
             }
             shares.iter_mut().for_each(|shares| self.forward_substitute(shares));
@@ -323,11 +349,14 @@ impl Basis {
 
     /// Standard deviations of the coefficients for unit noise; infinite for dependent ones.
     pub fn deviations(&self) -> Vec<f64> {
-        let deviation = |index| self.row_of_inverse(index).map_or(f64::INFINITY, |row| dot_in_lanes(&row, &row).sqrt());
+        let deviation = |index| {
+            self.row_of_inverse(index).map_or(f64::INFINITY, |row| dot_in_lanes(&row, &row).sqrt())
+        };
         (0..self.columns).map(deviation).collect()
     }
 
-    /// The row of R⁻¹ that belongs to a column, if it is independent: R⁻¹R⁻ᵀ is the covariance for unit noise.
+    /// The row of R⁻¹ that belongs to a column, if it is independent: R⁻¹R⁻ᵀ is the covariance for
+    /// unit noise.
     fn row_of_inverse(&self, index: usize) -> Option<Vec<f64>> {
         let mut row = vec![0.0; self.rank()];
         row[self.kept.iter().position(|own| *own == index)?] = 1.0;
@@ -364,8 +393,8 @@ pub(super) struct Gain {
 /// Less of its length must be left for a column to be told from the model.
 pub(super) const INVISIBLE: f64 = 0.01;
 
-/// The same for a tangent: base parameters take up nearly all of what a wrong length does, and the little that they leave
-/// can be far above the noise.
+/// The same for a tangent: base parameters take up nearly all of what a wrong length does, and the
+/// little that they leave can be far above the noise.
 pub(super) const INVISIBLE_TANGENT: f64 = 0.003;
 
 /// The one of the two that holds for a term.
@@ -373,8 +402,8 @@ pub(super) fn invisible(term: &Term) -> f64 {
     if term.is_transform() { INVISIBLE_TANGENT } else { INVISIBLE }
 }
 
-/// Gain of whitened columns on a residual that is orthogonal to `basis`. Columns with less than `tolerance` of their
-/// length left are left out.
+/// Gain of whitened columns on a residual that is orthogonal to `basis`. Columns with less than
+/// `tolerance` of their length left are left out.
 pub(super) fn gain(basis: &Basis, residual: &Column, columns: &[Column], tolerance: f64) -> Gain {
     gain_with(&basis.shares(columns), residual, (columns, &[]), tolerance)
 }
@@ -401,8 +430,8 @@ pub(super) fn gain_with(
     gain_of(&gram, &b, &lengths, tolerance)
 }
 
-/// The same from projected products: Gram matrix, product with the residual, squared lengths before projection.
-/// Columns with less than `tolerance` of their length left are left out.
+/// The same from projected products: Gram matrix, product with the residual, squared lengths before
+/// projection. Columns with less than `tolerance` of their length left are left out.
 pub(super) fn gain_of(gram: &[f64], b: &[f64], lengths: &[f64], tolerance: f64) -> Gain {
     let factor = Factor::new(gram, lengths, tolerance);
     let forward = factor.forward(b);
@@ -411,7 +440,8 @@ pub(super) fn gain_of(gram: &[f64], b: &[f64], lengths: &[f64], tolerance: f64) 
     Gain { chi2, coefficients: factor.backward(&forward), visible: factor.visible, rank }
 }
 
-/// Cholesky factor of a Gram matrix in the given order; columns that the ones before explain are left out.
+/// Cholesky factor of a Gram matrix in the given order; columns that the ones before explain are
+/// left out.
 pub(super) struct Factor {
     l: Vec<f64>,
     kept: Vec<bool>,
@@ -420,7 +450,8 @@ pub(super) struct Factor {
 }
 
 impl Factor {
-    /// Of a matrix, row by row; a column with less than `tolerance` of its squared length left is left out.
+    /// Of a matrix, row by row; a column with less than `tolerance` of its squared length left is
+    /// left out.
     pub fn new(gram: &[f64], lengths: &[f64], tolerance: f64) -> Self {
         let k = lengths.len();
         let mut l = vec![0.0; k * k];
@@ -462,7 +493,10 @@ impl Factor {
         let (mut rest, mut solution) = (forward.to_vec(), vec![0.0; k]);
         for i in (0..k).rev().filter(|&i| self.kept[i]) {
             solution[i] = rest[i] / self.l[i * k + i];
-            rest[..i].iter_mut().zip(&self.l[i * k..]).for_each(|(rest, l)| *rest -= l * solution[i]);
+            rest[..i]
+                .iter_mut()
+                .zip(&self.l[i * k..])
+                .for_each(|(rest, l)| *rest -= l * solution[i]);
         }
         solution
     }
@@ -471,13 +505,17 @@ impl Factor {
         self.backward(&self.forward(b))
     }
 
-    /// Squares of some of the columns times their factors, with what the other columns can make taken out.
+    /// Squares of some of the columns times their factors, with what the other columns can make
+    /// taken out.
     pub fn squares_beside_others(&self, columns: Range<usize>, factors: &[f64]) -> f64 {
         let k = self.kept.len();
         let unit = |at: usize| (0..k).map(|i| f64::from(u8::from(i == at))).collect::<Vec<f64>>();
-        let inverse: Vec<f64> =
-            columns.clone().flat_map(|at| self.solve(&unit(at))[columns.clone()].to_vec()).collect();
-        let lengths: Vec<f64> = (0..columns.len()).map(|i| inverse[i * columns.len() + i]).collect();
+        let inverse: Vec<f64> = columns
+            .clone()
+            .flat_map(|at| self.solve(&unit(at))[columns.clone()].to_vec())
+            .collect();
+        let lengths: Vec<f64> =
+            (0..columns.len()).map(|i| inverse[i * columns.len() + i]).collect();
         dot_in_lanes(&Self::new(&inverse, &lengths, 0.0).solve(factors), factors)
     }
 }
@@ -485,7 +523,8 @@ impl Factor {
 /// Per joint the rows outside of which all columns are zero.
 fn spans(columns: &[Column]) -> Vec<std::ops::Range<usize>> {
     let of_joint = |joint: usize| {
-        let own = || columns.iter().map(move |column| &column[joint]).filter(|rows| !rows.is_empty());
+        let own =
+            || columns.iter().map(move |column| &column[joint]).filter(|rows| !rows.is_empty());
         let first = own().filter_map(|rows| rows.iter().position(|x| *x != 0.0)).min();
         let last = own().filter_map(|rows| rows.iter().rposition(|x| *x != 0.0)).max();
         first.zip(last).map_or(0..0, |(first, last)| first..last + 1)
@@ -503,14 +542,16 @@ mod tests {
 
     #[test]
     fn noise_is_that_of_calm_rows_and_of_the_freedom_that_is_left() {
-        let residual: Vec<f64> = (0..60).map(|row| if row < 40 { [1.0, -1.0][row % 2] } else { 50.0 }).collect();
+        let residual: Vec<f64> =
+            (0..60).map(|row| if row < 40 { [1.0, -1.0][row % 2] } else { 50.0 }).collect();
         let calm: Vec<bool> = (0..60).map(|row| row < 40).collect();
         let rest = |used: usize| Rest { residual: residual.clone(), used, calm: calm.clone() };
         assert_eq!(rest(0).variance(), 1.0);
         assert_eq!(rest(20).variance(), 2.0);
     }
 
-    /// Columns whose factors are expected near zero are those of a fit with one more row for each of them.
+    /// Columns whose factors are expected near zero are those of a fit with one more row for each
+    /// of them.
     #[test]
     fn held_columns_are_rows_of_their_own() {
         let mut random = sgpr_numeric::internal::Random::new(1);
@@ -518,7 +559,9 @@ mod tests {
         let (free, held, target) = (column(), [column(), column()], column());
         let precision = [4.0, 50.0];
         let mut basis = Basis::new(vec![vec![free.clone()]]);
-        held.iter().zip(precision).for_each(|(column, p)| basis.push_held(vec![column.clone()].into(), p));
+        held.iter()
+            .zip(precision)
+            .for_each(|(column, p)| basis.push_held(vec![column.clone()].into(), p));
         let factors = basis.solve(&vec![target.clone()]);
         let all = [&free, &held[0], &held[1]];
         let row = |i: usize, k: usize| match i {
@@ -528,14 +571,18 @@ mod tests {
         let x = nalgebra::DMatrix::from_fn(32, 3, row);
         let y = nalgebra::DVector::from_fn(32, |i, _| target.get(i).copied().unwrap_or_default());
         let anew = x.clone().svd(true, true).solve(&y, 1e-12).expect("both sides were asked for");
-        (0..3).for_each(|k| assert!((factors[k] - anew[k]).abs() < 1e-12, "{k}: {} {}", factors[k], anew[k]));
+        (0..3).for_each(|k| {
+            assert!((factors[k] - anew[k]).abs() < 1e-12, "{k}: {} {}", factors[k], anew[k])
+        });
         let mut rest = vec![target.clone()];
         basis.project_out(&mut rest);
         let chi2 = dot(&rest, &rest) + basis.cost(&factors);
         assert!((chi2 - (&y - &x * &anew).norm_squared()).abs() < 1e-10, "{chi2}");
         let covariance = (x.transpose() * &x).try_inverse().expect("independent columns");
         let own = basis.covariance(1..3);
-        (0..4).for_each(|k| assert!((own[(k / 2, k % 2)] - covariance[(1 + k / 2, 1 + k % 2)]).abs() < 1e-12));
+        (0..4).for_each(|k| {
+            assert!((own[(k / 2, k % 2)] - covariance[(1 + k / 2, 1 + k % 2)]).abs() < 1e-12)
+        });
         // One more column, held, gains as much as the fit with it.
         let (another, p) = (column(), 7.0);
         let white = vec![vec![another.clone()]];

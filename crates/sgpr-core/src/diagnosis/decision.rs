@@ -1,24 +1,30 @@
 //! What stands of what a search found, how sure it is, and what no known effect explains.
 //!
-//! Everything here follows from errors on left-out blocks and from the evidence of a Gaussian process on the state of a
-//! joint, which competes with the effects there:
+//! Everything here follows from errors on left-out blocks and from the evidence of a Gaussian
+//! process on the state of a joint, which competes with the effects there:
 //!
-//! 1. Where such a process could still predict what matters beside the effects, or predicts better than they do, they may
-//!    only imitate a law that no catalogue has. An effect that is there makes the rest of that law smaller: the process
-//!    needs less variance beside it, and the two together have more evidence. One that imitates does not.
-//! 2. The probability of an effect is its weight among its alternatives: none, its rivals in its place or beside it, the process.
-//! 3. What is there predicts parts of the logs better, too, that are far from what it was fitted to.
+//! 1. Where such a process could still predict what matters beside the effects, or predicts better
+//!    than they do, they may only imitate a law that no catalogue has. An effect that is there
+//!    makes the rest of that law smaller: the process needs less variance beside it, and the two
+//!    together have more evidence. One that imitates does not.
+//! 2. The probability of an effect is its weight among its alternatives: none, its rivals in its
+//!    place or beside it, the process.
+//! 3. What is there predicts parts of the logs better, too, that are far from what it was fitted
+//!    to.
 //! 4. What is less probable than not leaves the model.
 
 use std::collections::{HashMap, HashSet};
 
 use rayon::prelude::*;
 
-use super::evidence::{Comparison, EVEN, LeftOut, SURE, probability_of, probability_of_fall, weights};
+use super::evidence::{
+    Comparison, EVEN, LeftOut, SURE, probability_of, probability_of_fall, weights,
+};
 use super::fit::{Fitted, left_out_parts};
 use super::likelihood::{Hypothesis, JointNoise, noises};
 use super::search::{
-    Accepted, CERTAIN, MATERIAL, Outcome, Search, explained_share, imitations, is_limit, is_much, material, without,
+    Accepted, CERTAIN, MATERIAL, Outcome, Search, explained_share, imitations, is_limit, is_much,
+    material, without,
 };
 use super::unknown::{self, IMPROBABLE, Leftover, Processes};
 use crate::effects::Site;
@@ -32,7 +38,8 @@ pub(super) struct Decision {
     pub judged: Vec<Judged>,
     /// What is left at each joint.
     pub left: Vec<Leftover>,
-    /// The likeliest of the effects that were not found, by name and site, each with its probability.
+    /// The likeliest of the effects that were not found, by name and site, each with its
+    /// probability.
     pub rejected: Vec<(String, Site, f64)>,
 }
 
@@ -46,15 +53,17 @@ impl Decision {
         all.filter(|(judged, step)| judged.is_finding(step) == named).collect()
     }
 
-    /// Probability that nothing that matters is missing: neither a finding or a rival in its place, nor any of the effects
-    /// that were not found, nor what no known effect explains.
+    /// Probability that nothing that matters is missing: neither a finding or a rival in its place,
+    /// nor any of the effects that were not found, nor what no known effect explains.
     pub fn nothing_missing(&self) -> f64 {
         let found = self.judged.iter().map(|judged| judged.something);
-        let likeliest = self.rejected.iter().map(|(.., probability)| *probability).fold(0.0, f64::max);
+        let likeliest =
+            self.rejected.iter().map(|(.., probability)| *probability).fold(0.0, f64::max);
         found.chain([likeliest, self.unexplained()]).map(|something| 1.0 - something).product()
     }
 
-    /// Probability that something that matters is missing at some joint and that no known effect explains it.
+    /// Probability that something that matters is missing at some joint and that no known effect
+    /// explains it.
     pub fn unexplained(&self) -> f64 {
         1.0 - self.left.iter().map(|left| 1.0 - left.probability).product::<f64>()
     }
@@ -74,7 +83,8 @@ pub(super) struct Judged {
 }
 
 impl Judged {
-    /// Whether it is worth its name: more probable than not, or the same elsewhere is as probable, or somebody asked for it.
+    /// Whether it is worth its name: more probable than not, or the same elsewhere is as probable,
+    /// or somebody asked for it.
     pub fn is_finding(&self, step: &Accepted) -> bool {
         self.probability >= EVEN || !step.twins.is_empty() || step.wanted
     }
@@ -100,7 +110,8 @@ pub(super) fn decide(search: &mut Search<'_>, outcome: Outcome) -> Result<Decisi
     search.step("weigh what was found", 1, 3)?;
     let judged = loop {
         let judged = judge(search, &outcome, &beside);
-        let doubtful: Vec<usize> = judged.iter().filter(|j| j.something < EVEN).map(|j| j.index).collect();
+        let doubtful: Vec<usize> =
+            judged.iter().filter(|j| j.something < EVEN).map(|j| j.index).collect();
         if doubtful.is_empty() {
             break judged;
         }
@@ -139,9 +150,11 @@ impl Beside {
         let (problem, noise) = (&search.problem, &search.noise);
         let errors = search.errors(fitted).left_out;
         let joints = (0..problem.dof()).into_par_iter();
-        let processes: Vec<Processes> = joints.map(|joint| Processes::new(problem, fitted, noise, joint)).collect();
+        let processes: Vec<Processes> =
+            joints.map(|joint| Processes::new(problem, fitted, noise, joint)).collect();
         let noises = noises(problem, fitted);
-        let left = unknown::leftover(problem, (fitted, &errors), (noise, noises.as_deref()), &processes);
+        let left =
+            unknown::leftover(problem, (fitted, &errors), (noise, noises.as_deref()), &processes);
         Self { errors, left, processes, noises }
     }
 
@@ -154,18 +167,25 @@ impl Beside {
 /// `outcome` without the effects that only imitate what no effect of the catalogue makes.
 ///
 /// - `beside`: what is beside all of them
-fn without_imitations(search: &mut Search<'_>, mut outcome: Outcome, beside: &Beside) -> Result<Outcome, Interrupted> {
+fn without_imitations(
+    search: &mut Search<'_>,
+    mut outcome: Outcome,
+    beside: &Beside,
+) -> Result<Outcome, Interrupted> {
     let n = search.problem.dof();
     let of_arm = joint_of_arm(search, &outcome);
     let mut closed = vec![false; n];
     for joint in 0..n {
         let terms = outcome.fitted.terms();
-        let at_joint = |term: &Term| is_at(term, joint) || (term.site == Site::Arm && of_arm == Some(joint));
-        let found: Vec<usize> = outcome.news(search).map(|(k, _)| k).filter(|k| at_joint(&terms[*k])).collect();
+        let at_joint =
+            |term: &Term| is_at(term, joint) || (term.site == Site::Arm && of_arm == Some(joint));
+        let found: Vec<usize> =
+            outcome.news(search).map(|(k, _)| k).filter(|k| at_joint(&terms[*k])).collect();
         let left = beside.left.iter().find(|l| l.joint == joint && l.is_material());
         closed[joint] = left.is_some();
         let left = left.map_or(0.0, |l| l.share);
-        let imitations = imitations(search, &outcome.fitted, &found, (joint, left), &beside.processes[joint]);
+        let imitations =
+            imitations(search, &outcome.fitted, &found, (joint, left), &beside.processes[joint]);
         if !imitations.is_empty() {
             closed[joint] = true;
             outcome = outcome.without(search, &imitations);
@@ -181,21 +201,25 @@ fn without_imitations(search: &mut Search<'_>, mut outcome: Outcome, beside: &Be
     let fitted = search.on_rows_without(&vec![false; n], &outcome.fitted);
     outcome.fitted = search.refit(&fitted, fitted.terms().to_vec());
     let given = outcome.fitted.terms().len() - outcome.accepted.len();
-    let gone = |step: &Accepted| !kept.iter().any(|k| k.effect == step.effect && k.site == step.site);
-    let out: Vec<usize> =
-        (0..outcome.accepted.len()).filter(|k| gone(&outcome.accepted[*k])).map(|k| given + k).collect();
+    let gone =
+        |step: &Accepted| !kept.iter().any(|k| k.effect == step.effect && k.site == step.site);
+    let out: Vec<usize> = (0..outcome.accepted.len())
+        .filter(|k| gone(&outcome.accepted[*k]))
+        .map(|k| given + k)
+        .collect();
     if out.is_empty() {
         return Ok(outcome);
     }
     Ok(outcome.without(search, &out))
 }
 
-/// Gain on parts of the logs, in its standard deviations, of what was surely found on blocks of time between others.
+/// Gain on parts of the logs, in its standard deviations, of what was surely found on blocks of
+/// time between others.
 const HOLDS: f64 = 2.0;
 
-/// `outcome` without the effects that do not predict parts of the logs better which are far from what they were fitted to,
-/// the least sure first: blocks of time between others may be predicted by what this motion alone looks like. What is
-/// too short to lie in two parts is not asked.
+/// `outcome` without the effects that do not predict parts of the logs better which are far from
+/// what they were fitted to, the least sure first: blocks of time between others may be predicted
+/// by what this motion alone looks like. What is too short to lie in two parts is not asked.
 fn without_chance(search: &Search<'_>, mut outcome: Outcome) -> Outcome {
     let (problem, noise) = (&search.problem, &search.noise);
     loop {
@@ -207,7 +231,12 @@ fn without_chance(search: &Search<'_>, mut outcome: Outcome) -> Outcome {
         let with: HashMap<usize, LeftOut> = counts.into_par_iter().map(errors).collect();
         let sure = |(k, count): (usize, usize)| {
             let without = left_out_parts(problem, &search.bare(fitted, k), noise, count);
-            (k, without.against(&with[&count], problem, &search.joints_of(&fitted.terms()[k])).significance())
+            (
+                k,
+                without
+                    .against(&with[&count], problem, &search.joints_of(&fitted.terms()[k]))
+                    .significance(),
+            )
         };
         let all: Vec<(usize, f64)> = asked.into_par_iter().map(sure).collect();
         match all.into_iter().min_by(|a, b| a.1.total_cmp(&b.1)).filter(|(_, sure)| *sure < HOLDS) {
@@ -217,22 +246,29 @@ fn without_chance(search: &Search<'_>, mut outcome: Outcome) -> Outcome {
     }
 }
 
-/// Whether a term acts at a joint and not only by cutting its torque: rows at a limit are no equations that it could explain.
+/// Whether a term acts at a joint and not only by cutting its torque: rows at a limit are no
+/// equations that it could explain.
 fn is_at(term: &Term, joint: usize) -> bool {
     matches!(term.site, Site::Joint(own) | Site::Pair(own, _) if own == joint) && !is_limit(term)
 }
 
-/// The joint at which effects of the whole arm explain more than at all others together, if there is one.
+/// The joint at which effects of the whole arm explain more than at all others together, if there
+/// is one.
 fn joint_of_arm(search: &Search<'_>, outcome: &Outcome) -> Option<usize> {
     let terms = outcome.fitted.terms();
-    let out: Vec<usize> = outcome.news(search).map(|(k, _)| k).filter(|k| terms[*k].site == Site::Arm).collect();
+    let out: Vec<usize> =
+        outcome.news(search).map(|(k, _)| k).filter(|k| terms[*k].site == Site::Arm).collect();
     if out.is_empty() {
         return None;
     }
     let bare = search.refit(&outcome.fitted, without(terms, &out));
     let energy = |white: &[f64]| white.iter().map(|w| w * w).sum::<f64>();
-    let falls: Vec<f64> =
-        bare.white.iter().zip(&outcome.fitted.white).map(|(bare, fitted)| energy(bare) - energy(fitted)).collect();
+    let falls: Vec<f64> = bare
+        .white
+        .iter()
+        .zip(&outcome.fitted.white)
+        .map(|(bare, fitted)| energy(bare) - energy(fitted))
+        .collect();
     let all: f64 = falls.iter().sum();
     falls.iter().position(|fall| *fall > 0.5 * all)
 }
@@ -244,21 +280,26 @@ fn rejected(search: &Search<'_>, outcome: &Outcome, beside: &Beside) -> Vec<(Str
     let (problem, own) = (&search.problem, &beside.errors);
     let bare = beside.hypothesis(&outcome.fitted);
     let found = |term: &Term| outcome.fitted.terms().iter().any(|own| own.is_like(term));
-    let possible = outcome.ranking.iter().filter(|c| !c.impossible && c.score > 0.0 && !found(&c.term));
+    let possible =
+        outcome.ranking.iter().filter(|c| !c.impossible && c.score > 0.0 && !found(&c.term));
     let likeliest: Vec<&Term> = possible.take(LIKELIEST).map(|c| &c.term).collect();
     let probability = |term: &&Term| {
         let fitted = search.with_term(&outcome.fitted, (*term).clone());
         let (with, joints) = (search.errors(&fitted).left_out, search.joints_of(term));
         let there = weights(problem, &[own, &with], &[0.0, -search.units.ln()], &joints)[1];
-        let matters = |joint: &usize| probability_of_fall(problem, [own, &with], *joint, material(term), 0.0);
+        let matters =
+            |joint: &usize| probability_of_fall(problem, [own, &with], *joint, material(term), 0.0);
         let mut probability = there.min(joints.iter().map(matters).fold(0.0, f64::max));
         if let Some(bare) = bare.as_ref().filter(|_| probability > IMPROBABLE) {
             let with_it = bare.like(problem, &fitted, &joints);
             let factor = with_it.and_then(|with| with.log_bayes_factor(bare, problem));
             let gain = own.against(&with, problem, &joints);
             let elsewhere = || {
-                let Some(count) = search.parts_to_ask(&fitted, outcome.fitted.terms().len()) else { return true };
-                let parts = [&outcome.fitted, &fitted].map(|fit| left_out_parts(problem, fit, &search.noise, count));
+                let Some(count) = search.parts_to_ask(&fitted, outcome.fitted.terms().len()) else {
+                    return true;
+                };
+                let parts = [&outcome.fitted, &fitted]
+                    .map(|fit| left_out_parts(problem, fit, &search.noise, count));
                 parts[0].against(&parts[1], problem, &joints).significance() >= HOLDS
             };
             probability = probability.min(most_probable(search, term, (gain, factor)));
@@ -276,10 +317,12 @@ fn rejected(search: &Search<'_>, outcome: &Outcome, beside: &Beside) -> Vec<(Str
 fn judge(search: &Search<'_>, outcome: &Outcome, beside: &Beside) -> Vec<Judged> {
     let found: Vec<(usize, &Accepted)> = outcome.news(search).collect();
     let left_at = |step: &Accepted| {
-        let own = beside.left.iter().find(|l| step.site.joint() == Some(l.joint) && l.is_material());
+        let own =
+            beside.left.iter().find(|l| step.site.joint() == Some(l.joint) && l.is_material());
         own.map_or(0.0, |left| left.share)
     };
-    let judged = |(index, step)| judge_one(search, (&outcome.fitted, beside), (index, step), left_at(step));
+    let judged =
+        |(index, step)| judge_one(search, (&outcome.fitted, beside), (index, step), left_at(step));
     found.into_par_iter().map(judged).collect()
 }
 
@@ -311,7 +354,8 @@ fn judge_one(
     let twins = models.len() - step.twins.len()..models.len();
     // A rival need not be instead of it: both may be there.
     let beside_it = |rival: &&&Term| search.may_join(fitted, rival.effect.as_ref(), rival.site);
-    let with_it = |rival: &&Term| search.errors(&search.with_term(fitted, (*rival).clone())).left_out;
+    let with_it =
+        |rival: &&Term| search.errors(&search.with_term(fitted, (*rival).clone())).left_out;
     models.extend(rivals.iter().filter(beside_it).map(with_it));
     let both = twins.end..models.len();
     // One of so many effects, and none, are as likely before any data.
@@ -324,24 +368,38 @@ fn judge_one(
     let prior: Vec<f64> = (0..models.len()).map(|k| effects(k) * one).collect();
     let of_all: Vec<&LeftOut> = models.iter().collect();
     let joints = search.joints_of(term);
-    let weights_of = |models: &[&LeftOut], prior: &[f64]| weights(&search.problem, models, prior, &joints);
+    let weights_of =
+        |models: &[&LeftOut], prior: &[f64]| weights(&search.problem, models, prior, &joints);
     let weights = weights_of(&of_all, &prior);
-    let is_form = |k: &usize| rivals[k - 2].site == term.site && says_the_same(&models[1], &models[*k], &joints);
+    let is_form = |k: &usize| {
+        rivals[k - 2].site == term.site && says_the_same(&models[1], &models[*k], &joints)
+    };
     let forms: Vec<usize> = (2..twins.start).filter(is_form).collect();
     // Where the same effect explains as much elsewhere, it is as likely there.
-    let own: f64 = [1].into_iter().chain(forms.iter().copied()).chain(twins).chain(both).map(|k| weights[k]).sum();
+    let own: f64 = [1]
+        .into_iter()
+        .chain(forms.iter().copied())
+        .chain(twins)
+        .chain(both)
+        .map(|k| weights[k])
+        .sum();
     let probability = own / (1 + step.twins.len()) as f64;
-    // A process that is about as good says the same with more freedom. One that could explain much beside the effect says
-    // something else, unless the two together, which are one thing more, say more than it alone.
+    // A process that is about as good says the same with more freedom. One that could explain much
+    // beside the effect says something else, unless the two together, which are one thing more, say
+    // more than it alone.
     let of_process = |joint: usize| -> Option<f64> {
-        let best = |fit: &Fitted| beside.processes[joint].best(&search.problem, fit, &search.noise, &joints);
+        let best = |fit: &Fitted| {
+            beside.processes[joint].best(&search.problem, fit, &search.noise, &joints)
+        };
         let (alone, both) = (best(&bare)?.1, best(fitted).map(|(_, errors)| errors));
         let of_all: Vec<&LeftOut> = of_all.iter().copied().chain([&alone]).chain(&both).collect();
         let prior = [&prior[..], &[one, 2.0 * one]].concat();
         weights_of(&of_all, &prior[..of_all.len()]).get(models.len()).copied()
     };
-    let much_is_left = |joint: &usize| is_much(left, explained_share(*joint, &models[0], own_errors));
-    let of_process = term.site.joint().filter(much_is_left).and_then(of_process).unwrap_or_default();
+    let much_is_left =
+        |joint: &usize| is_much(left, explained_share(*joint, &models[0], own_errors));
+    let of_process =
+        term.site.joint().filter(much_is_left).and_then(of_process).unwrap_or_default();
     let something = (1.0 - of_process).min(1.0 - weights[0]);
     let likely = forms.iter().filter(|k| weights[**k] > 1.0 - CERTAIN);
     let forms = likely.map(|k| rivals[k - 2].effect.name().to_string()).collect();
@@ -354,17 +412,22 @@ fn judge_one(
     Judged { index, probability: probability.min(most), forms, something: something.min(most) }
 }
 
-/// The largest probability of a term that its Bayes factor, if there is one, or its gain on left-out blocks speaks for: one of all
-/// effects at all sites is there or none of them. The factor believes in the noise of the model and lets each constant be known
-/// as well as one row says; the gain does not, and needs more rows.
-fn most_probable(search: &Search<'_>, term: &Term, (gain, log_bayes_factor): (Comparison, Option<f64>)) -> f64 {
+/// The largest probability of a term that its Bayes factor, if there is one, or its gain on
+/// left-out blocks speaks for: one of all effects at all sites is there or none of them. The factor
+/// believes in the noise of the model and lets each constant be known as well as one row says; the
+/// gain does not, and needs more rows.
+fn most_probable(
+    search: &Search<'_>,
+    term: &Term,
+    (gain, log_bayes_factor): (Comparison, Option<f64>),
+) -> f64 {
     let constants = 0.5 * term.constants.len() as f64 * search.rows.max(2.0).ln();
     let most = |factor: f64| (factor - constants).max(gain.largest_log_bayes_factor());
     log_bayes_factor.map_or(1.0, |factor| probability_of(most(factor) - search.units.ln()))
 }
 
-/// Whether the errors of two models on left-out blocks differ at no joint by a share that matters: forms of one law, which
-/// these logs cannot tell apart.
+/// Whether the errors of two models on left-out blocks differ at no joint by a share that matters:
+/// forms of one law, which these logs cannot tell apart.
 fn says_the_same(own: &LeftOut, other: &LeftOut, joints: &[usize]) -> bool {
     let least = (1.0 + MATERIAL).powi(2).recip();
     joints.iter().all(|&joint| {

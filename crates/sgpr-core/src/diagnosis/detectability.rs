@@ -1,10 +1,12 @@
-//! What the logs could have shown: how large an effect must be to be seen, and to be told from the others.
+//! What the logs could have shown: how large an effect must be to be seen, and to be told from the
+//! others.
 //!
-//! Every effect is put into the equations by itself, on the motion and the noise of the logs, after projection on what
-//! the model takes up. Expected scores follow from lengths and angles of its columns; no noise is drawn.
+//! Every effect is put into the equations by itself, on the motion and the noise of the logs, after
+//! projection on what the model takes up. Expected scores follow from lengths and angles of its
+//! columns; no noise is drawn.
 //!
-//! Source: D. Eriksson, E. Frisk, M. Krysander, A method for quantitative fault diagnosability analysis of stochastic
-//! linear descriptor models, Automatica 49(6) (2013).
+//! Source: D. Eriksson, E. Frisk, M. Krysander, A method for quantitative fault diagnosability
+//! analysis of stochastic linear descriptor models, Automatica 49(6) (2013).
 
 use rayon::prelude::*;
 
@@ -68,8 +70,10 @@ pub(super) fn detectable(
     let pairs: Vec<(Term, Vec<Column>)> = terms.into_iter().zip(columns).collect();
     let search = &*search;
     // The columns go as they are projected.
-    let all: Vec<Projected> =
-        pairs.into_par_iter().map(|(term, columns)| projected(search, &basis, term, &columns)).collect();
+    let all: Vec<Projected> = pairs
+        .into_par_iter()
+        .map(|(term, columns)| projected(search, &basis, term, &columns))
+        .collect();
     // Of every effect at every site one point of the grid stands for all.
     let mut subjects: Vec<&Projected> = Vec::new();
     let mut first = 0;
@@ -84,7 +88,8 @@ pub(super) fn detectable(
 }
 
 fn projected(search: &Search<'_>, basis: &Basis, term: Term, columns: &[Column]) -> Projected {
-    let white: Vec<Column> = columns.iter().map(|column| search.noise.whiten(&search.problem, column)).collect();
+    let white: Vec<Column> =
+        columns.iter().map(|column| search.noise.whiten(&search.problem, column)).collect();
     let shares = basis.shares(&white);
     let lengths = white.iter().map(|column| dot(column, column)).collect();
     let size = columns.first().map_or(vec![], |column| column.iter().map(|own| rms(own)).collect());
@@ -93,7 +98,12 @@ fn projected(search: &Search<'_>, basis: &Basis, term: Term, columns: &[Column])
     Projected { gram: (0..k * k).map(|i| own.product(i / k, &own, i % k)).collect(), ..own }
 }
 
-fn one(search: &Search<'_>, subject: &Projected, all: &[Projected], left: &[f64]) -> Option<Detectable> {
+fn one(
+    search: &Search<'_>,
+    subject: &Projected,
+    all: &[Projected],
+    left: &[f64],
+) -> Option<Detectable> {
     let term = &subject.term;
     let robot = search.problem.nominal.robot();
     // An effect has no columns where its joint stands still.
@@ -105,14 +115,21 @@ fn one(search: &Search<'_>, subject: &Projected, all: &[Projected], left: &[f64]
         return None;
     }
     let (_, rank) = subject.holds(subject);
-    let cost = |rank: usize, constants: usize| 0.5 * (rank + constants) as f64 * search.rows.max(2.0).ln();
+    let cost =
+        |rank: usize, constants: usize| 0.5 * (rank + constants) as f64 * search.rows.max(2.0).ln();
     let own_cost = cost(rank, subject.constants());
     let size_of = |score: f64, length: f64| (2.0 * score.max(0.0) / length).sqrt();
     // (1 + fall)² = 1 + (visible torque / what is left)²
     let needed = ((1.0 + material(term)).powi(2) - 1.0).sqrt();
-    let ratios = subject.size.iter().zip(left).map(|(size, left)| size / left.max(f64::MIN_POSITIVE)).enumerate();
+    let ratios = subject
+        .size
+        .iter()
+        .zip(left)
+        .map(|(size, left)| size / left.max(f64::MIN_POSITIVE))
+        .enumerate();
     let (joint, ratio) = ratios.max_by(|a, b| a.1.total_cmp(&b.1))?;
-    let seen_from = size_of(EVIDENCE + search.units.ln() + own_cost, length).max(needed / (visible * ratio));
+    let seen_from =
+        size_of(EVIDENCE + search.units.ln() + own_cost, length).max(needed / (visible * ratio));
     let rivals = all.iter().filter(|p| !p.term.is_like(term) && !p.white.is_empty());
     let apart = rivals.map(|rival| {
         let (share, rank) = rival.holds(subject);
@@ -127,7 +144,10 @@ fn one(search: &Search<'_>, subject: &Projected, all: &[Projected], left: &[f64]
     let parameter = names.get(own)?;
     Some(Detectable {
         effect: term.effect.name().into(),
-        joints: joints_of(term).into_iter().map(|joint| robot.joints()[joint].name.clone()).collect(),
+        joints: joints_of(term)
+            .into_iter()
+            .map(|joint| robot.joints()[joint].name.clone())
+            .collect(),
         constants: names[..own].iter().map(|c| FoundParameter { std: None, ..c.clone() }).collect(),
         parameter: parameter.name.clone(),
         unit: parameter.unit.clone(),
@@ -139,9 +159,12 @@ fn one(search: &Search<'_>, subject: &Projected, all: &[Projected], left: &[f64]
             None => Some(seen_from),
         },
         mistaken_for: nearest.map(|(_, rival)| {
-            let (name, elsewhere) =
-                (rival.term.effect.name(), rival.term.site.joint().filter(|_| rival.term.site != term.site));
-            elsewhere.map_or(name.into(), |joint| format!("{name} at {}", robot.joints()[joint].name))
+            let (name, elsewhere) = (
+                rival.term.effect.name(),
+                rival.term.site.joint().filter(|_| rival.term.site != term.site),
+            );
+            elsewhere
+                .map_or(name.into(), |joint| format!("{name} at {}", robot.joints()[joint].name))
         }),
     })
 }

@@ -1,7 +1,8 @@
 //! How sure predictions are on motion that the logs do not show.
 //!
-//! Blocks and parts that were left out are motion like the rest. A term whose factors the logs determine only together with
-//! others may predict them well, and run off at other positions: there the uncertainty of the parameters shows.
+//! Blocks and parts that were left out are motion like the rest. A term whose factors the logs
+//! determine only together with others may predict them well, and run off at other positions: there
+//! the uncertainty of the parameters shows.
 
 use super::problem::{Problem, union};
 use crate::dynamics::Samples;
@@ -21,7 +22,8 @@ struct StretchSamples {
     ddq: Vec<f64>,
 }
 
-/// By how much a log is expected to go beyond the positions of others before any others are seen, in ranges of the joint.
+/// By how much a log is expected to go beyond the positions of others before any others are seen,
+/// in ranges of the joint.
 const BEYOND: f64 = 0.5;
 
 /// Samples that are looked at.
@@ -31,18 +33,22 @@ impl Elsewhere {
     pub fn new(problem: &Problem) -> Self {
         let n = problem.dof();
         let robot = problem.nominal.robot();
-        let end = problem.stretches.iter().filter_map(|s| s.time.last()).copied().fold(0.0, f64::max);
+        let end =
+            problem.stretches.iter().filter_map(|s| s.time.last()).copied().fold(0.0, f64::max);
         let each = MOST / (2 * problem.stretches.len()).max(1);
         let shift = |joint: usize, sign: f64| {
             let logs = problem.range_by_stretch(joint);
             let [low, high] = union(&logs);
             let wanted = sign * beyond(&logs);
-            let [lowest, highest] = robot.joints()[joint].limits.position.unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
+            let [lowest, highest] =
+                robot.joints()[joint].limits.position.unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
             wanted.clamp((lowest - low).min(0.0), (highest - high).max(0.0))
         };
         // Neighbouring joints go to opposite sides.
         let shifts = [1.0, -1.0].map(|side| -> Vec<f64> {
-            (0..n).map(|joint| shift(joint, if joint.is_multiple_of(2) { side } else { -side })).collect()
+            (0..n)
+                .map(|joint| shift(joint, if joint.is_multiple_of(2) { side } else { -side }))
+                .collect()
         });
         let (mut own, mut beside) = (Vec::new(), Vec::new());
         for stretch in &problem.stretches {
@@ -54,8 +60,9 @@ impl Elsewhere {
                 samples.iter().flat_map(|k| values[k * n..(k + 1) * n].iter().copied()).collect()
             };
             let along = |q: Vec<f64>, start: Option<f64>| {
-                let time =
-                    start.map_or(vec![], |start| (0..samples.len()).map(|k| start + k as f64 / rate_hz).collect());
+                let time = start.map_or(vec![], |start| {
+                    (0..samples.len()).map(|k| start + k as f64 / rate_hz).collect()
+                });
                 StretchSamples { rate_hz, time, q, dq: of(&motion.dq), ddq: of(&motion.ddq) }
             };
             let start = stretch.time.first().copied();
@@ -68,8 +75,9 @@ impl Elsewhere {
         Self { own, beside }
     }
 
-    /// By how much the mean variance of the torque that a model predicts is larger there than on the motion of the logs,
-    /// where parts that were left out tell what it errs by, per joint, (N·m)² (N²); infinite for a model that cannot tell.
+    /// By how much the mean variance of the torque that a model predicts is larger there than on
+    /// the motion of the logs, where parts that were left out tell what it errs by, per joint,
+    /// (N·m)² (N²); infinite for a model that cannot tell.
     pub fn variance(&self, model: &TorqueModel) -> Vec<f64> {
         let [own, beside] = [&self.own, &self.beside].map(|motions| mean_variance(motions, model));
         own.iter()
@@ -85,15 +93,21 @@ fn mean_variance(motions: &[StretchSamples], model: &TorqueModel) -> Vec<f64> {
     for s in motions {
         let samples = Samples { q: &s.q, dq: &s.dq, ddq: &s.ddq };
         let along = Trajectory { samples, rate_hz: s.rate_hz, time: &s.time, channels: &[] };
-        let Ok(deviations) = model.standard_deviation_along(&along) else { return vec![f64::INFINITY; n] };
-        deviations.iter().enumerate().for_each(|(k, deviation)| sums[k % n] += deviation * deviation);
+        let Ok(deviations) = model.standard_deviation_along(&along) else {
+            return vec![f64::INFINITY; n];
+        };
+        deviations
+            .iter()
+            .enumerate()
+            .for_each(|(k, deviation)| sums[k % n] += deviation * deviation);
         rows += (deviations.len() / n) as f64;
     }
     sums.into_iter().map(|sum| sum / f64::max(rows, 1.0)).collect()
 }
 
-/// By how much a new log may go beyond the positions that others show, each from the lowest to the highest: the root mean
-/// square of what each of them goes beyond the rest, to both sides, and of what is expected before, which counts as one more.
+/// By how much a new log may go beyond the positions that others show, each from the lowest to the
+/// highest: the root mean square of what each of them goes beyond the rest, to both sides, and of
+/// what is expected before, which counts as one more.
 fn beyond(logs: &[[f64; 2]]) -> f64 {
     let [low, high] = union(logs);
     let mut squares = vec![(BEYOND * (high - low)).powi(2)];
@@ -111,11 +125,16 @@ mod tests {
 
     #[test]
     fn logs_say_by_how_much_another_goes_beyond_them() {
-        // Nothing is known of a log by itself, and the more are alike the less is expected of another.
+        // Nothing is known of a log by itself, and the more are alike the less is expected of
+        // another.
         assert_eq!(beyond(&[[-1.0, 3.0]]), 2.0);
         assert_eq!(beyond(&[[-1.0, 3.0]; 3]), 1.0);
-        // The second goes beyond the first by 4 to the right, which goes beyond it by 1 to the left.
+        // The second goes beyond the first by 4 to the right, which goes beyond it by 1 to the
+        // left.
         let squares = [4.0f64.powi(2), 1.0 / 2.0, 16.0 / 2.0];
-        assert!((beyond(&[[-1.0, 3.0], [0.0, 7.0]]) - (squares.iter().sum::<f64>() / 3.0).sqrt()).abs() < 1e-12);
+        assert!(
+            (beyond(&[[-1.0, 3.0], [0.0, 7.0]]) - (squares.iter().sum::<f64>() / 3.0).sqrt()).abs()
+                < 1e-12
+        );
     }
 }

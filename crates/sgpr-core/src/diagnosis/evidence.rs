@@ -1,8 +1,10 @@
-//! What left-out data say between models: the one statistic that every decision of the diagnosis rests on.
+//! What left-out data say between models: the one statistic that every decision of the diagnosis
+//! rests on.
 //!
-//! A model is judged by its errors on blocks of time that were left out of its fit. Two models are compared block by
-//! block, so that what is hard to predict for both cancels. Noise has a memory, which is counted, and an effect that
-//! helps in some blocks and harms in others is less sure than one that helps wherever it acts.
+//! A model is judged by its errors on blocks of time that were left out of its fit. Two models are
+//! compared block by block, so that what is hard to predict for both cancels. Noise has a memory,
+//! which is counted, and an effect that helps in some blocks and harms in others is less sure than
+//! one that helps wherever it acts.
 
 use statrs::distribution::{ContinuousCDF, Normal};
 
@@ -40,8 +42,8 @@ pub(super) struct Comparison {
 }
 
 impl Comparison {
-    /// Gain in standard deviations: of the squares, in which an effect shows that acts for a short time, or of a usual
-    /// block, whatever some blocks with large errors say.
+    /// Gain in standard deviations: of the squares, in which an effect shows that acts for a short
+    /// time, or of a usual block, whatever some blocks with large errors say.
     pub fn significance(&self) -> f64 {
         self.of_squares().max(self.usual)
     }
@@ -50,18 +52,20 @@ impl Comparison {
         if self.deviation > 0.0 { self.gain / self.deviation } else { 0.0 }
     }
 
-    /// Largest log of the Bayes factor that the gain of the squares speaks for: 1 / (-e p ln p), p the probability that chance
-    /// alone gains as many standard deviations. It asks nothing of the noise but what the deviation counts.
+    /// Largest log of the Bayes factor that the gain of the squares speaks for: 1 / (-e p ln p), p
+    /// the probability that chance alone gains as many standard deviations. It asks nothing of the
+    /// noise but what the deviation counts.
     ///
-    /// Source: T. Sellke, M. J. Bayarri, J. O. Berger, Calibration of p values for testing precise null hypotheses, The
-    /// American Statistician 55 (2001), the bound -e p ln p.
+    /// Source: T. Sellke, M. J. Bayarri, J. O. Berger, Calibration of p values for testing precise
+    /// null hypotheses, The American Statistician 55 (2001), the bound -e p ln p.
     pub fn largest_log_bayes_factor(&self) -> f64 {
         let p = Normal::standard().cdf(-self.of_squares()).max(f64::MIN_POSITIVE);
         if p < 1.0 / std::f64::consts::E { -1.0 - p.ln() - (-p.ln()).ln() } else { 0.0 }
     }
 }
 
-/// Mean of values in standard deviations of it: the normal deviate that is as improbable as Student's t with as few values.
+/// Mean of values in standard deviations of it: the normal deviate that is as improbable as
+/// Student's t with as few values.
 fn deviate_of_mean(values: &[f64]) -> f64 {
     let count = values.len() as f64;
     if count < 3.0 {
@@ -89,7 +93,8 @@ impl LeftOut {
         mean_square(&self.rows[joint])
     }
 
-    /// Correlation of neighbouring rows of a joint, at most that with which a second says as much as one row.
+    /// Correlation of neighbouring rows of a joint, at most that with which a second says as much
+    /// as one row.
     fn correlation(&self, problem: &Problem, joint: usize) -> f64 {
         let (rows, run) = (&self.rows[joint], &problem.run[joint]);
         let (mut products, mut squares) = (0.0, 0.0);
@@ -101,30 +106,37 @@ impl LeftOut {
         r.min(largest_correlation(problem, joint))
     }
 
-    /// How many rows of a joint say as much about a smooth column as one row without memory would: for an autoregression
-    /// of first order (1 + r) / (1 - r), r the correlation of neighbours.
+    /// How many rows of a joint say as much about a smooth column as one row without memory would:
+    /// for an autoregression of first order (1 + r) / (1 - r), r the correlation of neighbours.
     pub fn memory(&self, problem: &Problem, joint: usize) -> f64 {
         let r = self.correlation(problem, joint);
         (1.0 + r) / (1.0 - r)
     }
 
-    /// Gain of the log predictive density with something that this model lacks, at some joints: the fall of the squares in
-    /// units of the error that is left and of how many rows say as much as one.
+    /// Gain of the log predictive density with something that this model lacks, at some joints: the
+    /// fall of the squares in units of the error that is left and of how many rows say as much as
+    /// one.
     pub fn density_gain(&self, with: &Self, problem: &Problem, joints: &[usize]) -> f64 {
         let of_joint = |&joint: &usize| {
             let (own, left) = (self.mean_square(joint), with.mean_square(joint));
             let rows = self.rows[joint].len() as f64;
-            if left > 0.0 { 0.5 * rows * (own / left - 1.0) / with.memory(problem, joint) } else { 0.0 }
+            if left > 0.0 {
+                0.5 * rows * (own / left - 1.0) / with.memory(problem, joint)
+            } else {
+                0.0
+            }
         };
         joints.iter().map(of_joint).sum()
     }
 
     /// This model without something against `with` it, at some joints.
     ///
-    /// With prediction errors e0 and e1, d = e0 - e1 is what the two predict differently. If the larger model is right the
-    /// fall of the squares in a block is its share of the squares of d, and varies with the noise by 4 Σ dᵢ dⱼ r^|i - j| / s²,
-    /// r the correlation of neighbouring errors and s the error: much where d is as slow as the errors, and as much as without
-    /// memory where it is fast. It varies more from block to block than that where the larger model is wrong.
+    /// With prediction errors e0 and e1, d = e0 - e1 is what the two predict differently. If the
+    /// larger model is right the fall of the squares in a block is its share of the squares of d,
+    /// and varies with the noise by 4 Σ dᵢ dⱼ r^|i - j| / s², r the correlation of neighbouring
+    /// errors and s the error: much where d is as slow as the errors, and as much as without memory
+    /// where it is fast. It varies more from block to block than that where the larger model is
+    /// wrong.
     pub fn against(&self, with: &Self, problem: &Problem, joints: &[usize]) -> Comparison {
         let (mut noise, mut blocks, mut logarithms) = (0.0, Vec::new(), Vec::new());
         for &joint in joints {
@@ -136,7 +148,9 @@ impl LeftOut {
             for block in problem.blocks(joint) {
                 let (mut fall, mut size, mut correlated) = (0.0, 0.0, 0.0);
                 let mut before_it = 0.0;
-                let square = |errors: &Self| errors.rows[joint][block.clone()].iter().map(|e| e * e).sum::<f64>();
+                let square = |errors: &Self| {
+                    errors.rows[joint][block.clone()].iter().map(|e| e * e).sum::<f64>()
+                };
                 let [before, after] = [self, with].map(square);
                 if before > 0.0 && after > 0.0 {
                     logarithms.push((before / after).ln());
@@ -154,7 +168,8 @@ impl LeftOut {
                 blocks.push((fall, size));
             }
         }
-        let (gain, size) = blocks.iter().fold((0.0, 0.0), |(gain, size), block| (gain + block.0, size + block.1));
+        let (gain, size) =
+            blocks.iter().fold((0.0, 0.0), |(gain, size), block| (gain + block.0, size + block.1));
         let rate = if size > 0.0 { gain / size } else { 0.0 };
         let scatter: f64 = blocks.iter().map(|(fall, size)| (fall - rate * size).powi(2)).sum();
         let usual = if joints.len() == 1 { deviate_of_mean(&logarithms) } else { 0.0 };
@@ -165,38 +180,52 @@ impl LeftOut {
 /// Draws of the bootstrap.
 const DRAWS: usize = 400;
 
-/// Weights of models by their predictive density on left-out blocks, which sum to one: averaged over a Bayesian bootstrap
-/// of the blocks, so that a lead that hangs on few blocks counts less (pseudo-BMA+; Yao, Vehtari, Simpson, Gelman, Using
-/// stacking to average Bayesian predictive distributions, Bayesian Analysis 13 (2018), section 3.4).
+/// Weights of models by their predictive density on left-out blocks, which sum to one: averaged
+/// over a Bayesian bootstrap of the blocks, so that a lead that hangs on few blocks counts less
+/// (pseudo-BMA+; Yao, Vehtari, Simpson, Gelman, Using stacking to average Bayesian predictive
+/// distributions, Bayesian Analysis 13 (2018), section 3.4).
 ///
 /// - `prior`: log of the weights before any data
-pub(super) fn weights(problem: &Problem, models: &[&LeftOut], prior: &[f64], joints: &[usize]) -> Vec<f64> {
+pub(super) fn weights(
+    problem: &Problem,
+    models: &[&LeftOut],
+    prior: &[f64],
+    joints: &[usize],
+) -> Vec<f64> {
     let mut densities: Vec<Vec<f64>> = vec![vec![]; models.len()];
     for &joint in joints {
-        let best = models.iter().min_by(|a, b| a.mean_square(joint).total_cmp(&b.mean_square(joint)));
+        let best =
+            models.iter().min_by(|a, b| a.mean_square(joint).total_cmp(&b.mean_square(joint)));
         let Some(best) = best.filter(|best| best.mean_square(joint) > 0.0) else { continue };
         let scale = -0.5 / (best.mean_square(joint) * best.memory(problem, joint));
         for block in problem.blocks(joint) {
             for (densities, model) in densities.iter_mut().zip(models) {
-                densities.push(scale * model.rows[joint][block.clone()].iter().map(|e| e * e).sum::<f64>());
+                densities.push(
+                    scale * model.rows[joint][block.clone()].iter().map(|e| e * e).sum::<f64>(),
+                );
             }
         }
     }
     let mut weights = vec![0.0; models.len()];
     for draw in draws(densities.first().map_or(0, Vec::len)) {
         let of_model = |(densities, prior): (&Vec<f64>, &f64)| {
-            prior + densities.iter().zip(&draw).map(|(density, weight)| density * weight).sum::<f64>()
+            prior
+                + densities.iter().zip(&draw).map(|(density, weight)| density * weight).sum::<f64>()
         };
         let all: Vec<f64> = densities.iter().zip(prior).map(of_model).collect();
         let most = all.iter().copied().fold(f64::NEG_INFINITY, f64::max);
         let shares: Vec<f64> = all.iter().map(|density| (density - most).exp()).collect();
         let sum: f64 = shares.iter().sum();
-        weights.iter_mut().zip(shares).for_each(|(weight, share)| *weight += share / sum / DRAWS as f64);
+        weights
+            .iter_mut()
+            .zip(shares)
+            .for_each(|(weight, share)| *weight += share / sum / DRAWS as f64);
     }
     weights
 }
 
-/// Probability, over the same bootstrap, that the root mean square error of a joint falls by more than a share of it.
+/// Probability, over the same bootstrap, that the root mean square error of a joint falls by more
+/// than a share of it.
 ///
 /// - `apart`: mean square that is in both, (N·m)² (N²)
 pub(super) fn probability_of_fall(
@@ -208,17 +237,22 @@ pub(super) fn probability_of_fall(
 ) -> f64 {
     let sums = |errors: &LeftOut| -> Vec<f64> {
         let square = |block: std::ops::Range<usize>| {
-            errors.rows[joint][block.clone()].iter().map(|e| e * e).sum::<f64>() + apart * block.len() as f64
+            errors.rows[joint][block.clone()].iter().map(|e| e * e).sum::<f64>()
+                + apart * block.len() as f64
         };
         problem.blocks(joint).map(square).collect()
     };
     let [own, with] = [own, with].map(sums);
-    let weighted = |sums: &[f64], draw: &[f64]| sums.iter().zip(draw).map(|(x, weight)| x * weight).sum::<f64>();
-    let falls = |draw: &Vec<f64>| weighted(&with, draw) < (1.0 - share).powi(2) * weighted(&own, draw);
+    let weighted = |sums: &[f64], draw: &[f64]| {
+        sums.iter().zip(draw).map(|(x, weight)| x * weight).sum::<f64>()
+    };
+    let falls =
+        |draw: &Vec<f64>| weighted(&with, draw) < (1.0 - share).powi(2) * weighted(&own, draw);
     draws(own.len()).filter(falls).count() as f64 / DRAWS as f64
 }
 
-/// Weights of `count` blocks with mean one, from the flat Dirichlet distribution; the same for every call.
+/// Weights of `count` blocks with mean one, from the flat Dirichlet distribution; the same for
+/// every call.
 fn draws(count: usize) -> impl Iterator<Item = Vec<f64>> {
     let mut random = Random::new(0x00D1_A905);
     (0..DRAWS).map(move |_| {
@@ -234,14 +268,18 @@ mod tests {
 
     #[test]
     fn a_gain_bounds_the_bayes_factor_as_published() {
-        // Sellke, Bayarri and Berger (2001), table 1: probability by chance and least Bayes factor for it.
-        for (p, least) in [(0.1, 0.6259), (0.05, 0.4072), (0.01, 0.1252), (0.005, 0.0720), (0.001, 0.0188)] {
+        // Sellke, Bayarri and Berger (2001), table 1: probability by chance and least Bayes factor
+        // for it.
+        for (p, least) in
+            [(0.1, 0.6259), (0.05, 0.4072), (0.01, 0.1252), (0.005, 0.0720), (0.001, 0.0188)]
+        {
             let gain = Normal::standard().inverse_cdf(1.0 - p);
             let comparison = Comparison { gain, deviation: 1.0, usual: 0.0 };
             let bound = (-comparison.largest_log_bayes_factor()).exp();
             assert!((bound - least).abs() < 5e-4, "{p}: {bound} and {least}");
         }
-        let of = |gain: f64| Comparison { gain, deviation: 1.0, usual: 0.0 }.largest_log_bayes_factor();
+        let of =
+            |gain: f64| Comparison { gain, deviation: 1.0, usual: 0.0 }.largest_log_bayes_factor();
         assert_eq!(of(0.0), 0.0);
         assert!(of(60.0).is_finite());
     }

@@ -27,7 +27,8 @@ pub(super) struct Fitted {
     pub rigid: Arc<Vec<Rigid>>,
     /// What the columns have to explain: the torque less that of the model as it was, in the band.
     pub target: Arc<Column>,
-    /// Base columns, then those of the terms, in the band; fits with the same transforms share them.
+    /// Base columns, then those of the terms, in the band; fits with the same transforms share
+    /// them.
     pub columns: Vec<Arc<Column>>,
     pub basis: Arc<Basis>,
     /// Shares of the whitened target along the basis.
@@ -38,8 +39,8 @@ pub(super) struct Fitted {
     pub residual: Column,
     /// The same, whitened.
     pub white: Column,
-    /// Sum of its squares, and what the terms' parameters cost that are not expected: as parts of an effect that make more
-    /// torque than the joints have shown, and loads that are no bodies.
+    /// Sum of its squares, and what the terms' parameters cost that are not expected: as parts of
+    /// an effect that make more torque than the joints have shown, and loads that are no bodies.
     pub chi2: f64,
     /// Precision of the factor of each column before any data.
     pub precision: Vec<f64>,
@@ -53,7 +54,8 @@ pub(super) struct Fitted {
 /// A column, and the same whitened if it is independent.
 type AndWhite = (Arc<Column>, Option<Arc<Column>>);
 
-/// Fits that rows were left out of, once they were asked for, and those of the fit that it was made like.
+/// Fits that rows were left out of, once they were asked for, and those of the fit that it was made
+/// like.
 #[derive(Clone, Default)]
 struct Once {
     own: OnceLock<Arc<FoldFits>>,
@@ -65,7 +67,13 @@ impl Once {
         Self { own: OnceLock::new(), like: other.own.get().or(other.like.as_ref()).cloned() }
     }
 
-    fn get(&self, fitted: &Fitted, problem: &Problem, noise: &Noise, folds: &[Vec<usize>]) -> Arc<FoldFits> {
+    fn get(
+        &self,
+        fitted: &Fitted,
+        problem: &Problem,
+        noise: &Noise,
+        folds: &[Vec<usize>],
+    ) -> Arc<FoldFits> {
         let like = (folds, self.like.as_deref());
         let held = Held { file: &problem.priors, precision: &fitted.precision };
         let make = || FoldFits::new(&fitted.columns, &fitted.target, (noise, held), like).into();
@@ -83,9 +91,17 @@ impl Fitted {
         let set = self.model.parameter_set();
         let of_set = set.effect_columns().iter().zip(&self.model.parameters()[set.inertial()..]);
         let is_dry = |effect: &dyn Effect| effect.role() == Some(Role::DryFriction);
-        let of_set = of_set.filter(|(c, _)| c.joint == joint && is_dry(set.effects()[c.effect].as_ref()));
-        let own = self.terms().iter().filter(|t| is_dry(t.effect.as_ref()) && t.site == Site::Joint(joint));
-        of_set.map(|(_, x)| x).chain(own.flat_map(|term| &term.coefficients)).copied().reduce(|a, b| a + b)
+        let of_set =
+            of_set.filter(|(c, _)| c.joint == joint && is_dry(set.effects()[c.effect].as_ref()));
+        let own = self
+            .terms()
+            .iter()
+            .filter(|t| is_dry(t.effect.as_ref()) && t.site == Site::Joint(joint));
+        of_set
+            .map(|(_, x)| x)
+            .chain(own.flat_map(|term| &term.coefficients))
+            .copied()
+            .reduce(|a, b| a + b)
     }
 
     /// Term and index of every constant.
@@ -113,21 +129,27 @@ impl Fitted {
         if let Some(bare) = known().get(&term) {
             return bare.clone();
         }
-        // No lock is held meanwhile: what is made in parallel may wait for a thread that asks the same.
+        // No lock is held meanwhile: what is made in parallel may wait for a thread that asks the
+        // same.
         let bare = Arc::new(make());
         known().entry(term).or_insert(bare).clone()
     }
 
-    /// The columns of a term as they are and whitened, if it is in the fit and they are those of any model with the same
-    /// transforms.
+    /// The columns of a term as they are and whitened, if it is in the fit and they are those of
+    /// any model with the same transforms.
     fn columns_of(&self, term: &Term) -> Option<Vec<AndWhite>> {
-        let mut at = self.columns.len() - self.terms().iter().map(|own| own.coefficients.len()).sum::<usize>();
+        let mut at = self.columns.len()
+            - self.terms().iter().map(|own| own.coefficients.len()).sum::<usize>();
         for own in self.terms() {
             let width = own.coefficients.len();
-            let same = own.is_like(term) && own.constants == term.constants && !own.effect.follows_torque();
+            let same = own.is_like(term)
+                && own.constants == term.constants
+                && !own.effect.follows_torque();
             if same {
                 return Some(
-                    (at..at + width).map(|k| (self.columns[k].clone(), self.basis.column(k).cloned())).collect(),
+                    (at..at + width)
+                        .map(|k| (self.columns[k].clone(), self.basis.column(k).cloned()))
+                        .collect(),
                 );
             }
             at += width;
@@ -137,7 +159,12 @@ impl Fitted {
 }
 
 /// Least squares for base parameters and linear parameters of the terms, constants as they are.
-pub(super) fn solve(problem: &Problem, start: &TorqueModel, terms: &[Term], noise: &Noise) -> Fitted {
+pub(super) fn solve(
+    problem: &Problem,
+    start: &TorqueModel,
+    terms: &[Term],
+    noise: &Noise,
+) -> Fitted {
     let model = start.clone().with_terms(terms.to_vec(), problem.clock);
     let rigid = problem.rigid(&model);
     let base = problem.base_columns(&problem.base, &model, &rigid);
@@ -152,11 +179,18 @@ fn base_basis(problem: &Problem, columns: &[Arc<Column>], noise: &Noise) -> Basi
     Basis::with_first(white, |index| problem.is_rotor(index))
 }
 
-/// The same with the base columns of a fit, if its transforms are those of `terms`, and those of terms that it has.
-pub(super) fn solve_like(problem: &Problem, like: &Fitted, terms: &[Term], noise: &Noise) -> Fitted {
+/// The same with the base columns of a fit, if its transforms are those of `terms`, and those of
+/// terms that it has.
+pub(super) fn solve_like(
+    problem: &Problem,
+    like: &Fitted,
+    terms: &[Term],
+    noise: &Noise,
+) -> Fitted {
     let transforms = |terms: &[Term]| -> Vec<(String, Site, Vec<f64>)> {
         let own = terms.iter().filter(|term| term.is_transform());
-        own.map(|term| (term.effect.name().to_string(), term.site, term.constants.clone())).collect()
+        own.map(|term| (term.effect.name().to_string(), term.site, term.constants.clone()))
+            .collect()
     };
     if transforms(terms) != transforms(like.terms()) {
         return solve(problem, &like.model, terms, noise);
@@ -164,7 +198,11 @@ pub(super) fn solve_like(problem: &Problem, like: &Fitted, terms: &[Term], noise
     let model = like.model.clone().with_terms(terms.to_vec(), problem.clock);
     let rigid = problem.rigid(&model);
     let base = like.columns[..problem.base.rank()].to_vec();
-    let basis = if like.noise == *noise { like.basis.of_first(base.len()) } else { base_basis(problem, &base, noise) };
+    let basis = if like.noise == *noise {
+        like.basis.of_first(base.len())
+    } else {
+        base_basis(problem, &base, noise)
+    };
     solve_with(problem, model, rigid, (base, basis), like.target.clone(), noise, Some(like))
 }
 
@@ -190,7 +228,8 @@ fn solve_with(
         let whitened = |column: &Arc<Column>| Arc::new(noise.whiten(problem, column));
         if let Some(known) = like.and_then(|like| like.columns_of(term)) {
             let both = |(column, white): AndWhite| {
-                let white = white.filter(|_| whitened_alike.is_some()).unwrap_or_else(|| whitened(&column));
+                let white =
+                    white.filter(|_| whitened_alike.is_some()).unwrap_or_else(|| whitened(&column));
                 (column, white)
             };
             return known.into_iter().map(both).collect();
@@ -220,9 +259,15 @@ fn solve_with(
             r.iter_mut().zip(c).for_each(|(r, c)| *r -= value * c);
         }
     }
-    // What the motion does not excite keeps the value that the model has: the fit is for the difference.
+    // What the motion does not excite keeps the value that the model has: the fit is for the
+    // difference.
     let mut parameters = problem.nominal.parameters().to_vec();
-    problem.base.independent().iter().zip(&values).for_each(|(index, change)| parameters[*index] += change);
+    problem
+        .base
+        .independent()
+        .iter()
+        .zip(&values)
+        .for_each(|(index, change)| parameters[*index] += change);
     model.set_parameters(parameters);
     let mut at = problem.base.rank();
     let filled = terms.into_iter().map(|mut term| {
@@ -257,11 +302,18 @@ fn solve_with(
 ///
 /// - `values`: those of all columns
 /// - `first`: the first column of the terms
-fn unphysical((terms, robot): (&[Term], &Robot), values: &[f64], basis: &Basis, first: usize) -> f64 {
+fn unphysical(
+    (terms, robot): (&[Term], &Robot),
+    values: &[f64],
+    basis: &Basis,
+    first: usize,
+) -> f64 {
     let (mut at, mut sum) = (first, 0.0);
     for term in terms {
         let own = at..at + term.effect.parameters().len();
-        if let Some(parameters) = values[own.clone()].first_chunk().filter(|_| term.effect.is_body()) {
+        if let Some(parameters) =
+            values[own.clone()].first_chunk().filter(|_| term.effect.is_body())
+        {
             // Where the solver gives up nothing is known against it.
             sum += nearest_load(parameters, &basis.covariance(own.clone()), robot.length())
                 .map_or(0.0, |nearest| nearest.distance2);
@@ -292,10 +344,17 @@ pub(super) fn tangent(
     problem.difference([&with(low), &with(high)], high - low)
 }
 
-/// Tangents of some constants, term and index, whitened; empty for a limit of torque, which is not smooth.
-pub(super) fn tangents(problem: &Problem, fitted: &Fitted, noise: &Noise, constants: &[(usize, usize)]) -> Vec<Column> {
-    let is_limit =
-        |term: &Term, index: usize| term.is_transform() && term.effect.constants()[index].scale == Scale::Torque;
+/// Tangents of some constants, term and index, whitened; empty for a limit of torque, which is not
+/// smooth.
+pub(super) fn tangents(
+    problem: &Problem,
+    fitted: &Fitted,
+    noise: &Noise,
+    constants: &[(usize, usize)],
+) -> Vec<Column> {
+    let is_limit = |term: &Term, index: usize| {
+        term.is_transform() && term.effect.constants()[index].scale == Scale::Torque
+    };
     let white = |&(k, index): &(usize, usize)| {
         if is_limit(&fitted.terms()[k], index) {
             return vec![vec![]; problem.dof()];
@@ -330,7 +389,8 @@ pub(super) fn refine_transforms(problem: &Problem, mut fitted: Fitted, noise: &N
             let mut terms = fitted.terms().to_vec();
             for (&(k, index), step) in wanted.iter().zip(&gain.coefficients) {
                 let constant = &terms[k].effect.constants()[index];
-                let value = (terms[k].constants[index] + share * step).clamp(constant.low, constant.high);
+                let value =
+                    (terms[k].constants[index] + share * step).clamp(constant.low, constant.high);
                 terms[k].constants[index] = value;
             }
             let next = solve(problem, &fitted.model, &terms, noise);
@@ -353,10 +413,14 @@ pub(super) fn with_deviations(problem: &Problem, fitted: &Fitted, noise: &Noise)
     let mut basis = Basis::clone(&fitted.basis);
     let mut terms = fitted.terms().to_vec();
     let constants: Vec<(usize, usize)> = fitted.constants().collect();
-    tangents(problem, fitted, noise, &constants).into_iter().for_each(|tangent| basis.push(tangent.into()));
-    let is_time = |(k, index): &(usize, usize)| terms[*k].effect.constants()[*index].scale == Scale::Time;
+    tangents(problem, fitted, noise, &constants)
+        .into_iter()
+        .for_each(|tangent| basis.push(tangent.into()));
+    let is_time =
+        |(k, index): &(usize, usize)| terms[*k].effect.constants()[*index].scale == Scale::Time;
     let times: Vec<(usize, usize)> = constants.into_iter().filter(is_time).collect();
-    let intervals: Vec<[f64; 2]> = times.par_iter().map(|at| interval(problem, fitted, noise, *at)).collect();
+    let intervals: Vec<[f64; 2]> =
+        times.par_iter().map(|at| interval(problem, fitted, noise, *at)).collect();
     let deviations = basis.deviations();
     let finite = |d: f64| if d.is_finite() { d } else { 0.0 };
     let mut at = problem.base.rank();
@@ -372,11 +436,13 @@ pub(super) fn with_deviations(problem: &Problem, fitted: &Fitted, noise: &Noise)
             at += 1;
         });
     }
-    // Chi-squared changes in steps with a time, and not at all while nothing moves: tangents know nothing of that.
+    // Chi-squared changes in steps with a time, and not at all while nothing moves: tangents know
+    // nothing of that.
     for ((k, index), [low, high]) in times.into_iter().zip(intervals) {
         terms[k].constant_deviations[index] = 0.25 * (high - low);
         if high - low > UNSURE_S {
-            terms[k].constants[index] = likeliest_as_logged(problem, &fitted.model, &terms, (k, index), [low, high]);
+            terms[k].constants[index] =
+                likeliest_as_logged(problem, &fitted.model, &terms, (k, index), [low, high]);
         }
     }
     terms
@@ -385,8 +451,9 @@ pub(super) fn with_deviations(problem: &Problem, fitted: &Fitted, noise: &Noise)
 /// Of a longer interval of two deviations to both sides the torque as logged decides, s.
 const UNSURE_S: f64 = 0.4;
 
-/// The time in an interval with which the torque as logged is predicted best, s; of times that do equally well the middle.
-/// Filters take the first and last rows of each log, and what begins there shows only in the torque as logged.
+/// The time in an interval with which the torque as logged is predicted best, s; of times that do
+/// equally well the middle. Filters take the first and last rows of each log, and what begins there
+/// shows only in the torque as logged.
 fn likeliest_as_logged(
     problem: &Problem,
     model: &TorqueModel,
@@ -403,7 +470,8 @@ fn likeliest_as_logged(
         let mut terms = terms.to_vec();
         terms[k].constants[index] = time;
         let errors = problem.logged_error(&model.clone().with_terms(terms, problem.clock));
-        let shares = errors.iter().zip(&reference).map(|(own, reference)| (own / reference).powi(2));
+        let shares =
+            errors.iter().zip(&reference).map(|(own, reference)| (own / reference).powi(2));
         shares.filter(|share| share.is_finite()).sum::<f64>()
     };
     let best_between = |low: f64, high: f64| -> [f64; 2] {
@@ -414,15 +482,22 @@ fn likeliest_as_logged(
         let first = best.next().unwrap_or(low);
         [first, best.next_back().unwrap_or(first)]
     };
-    // A load that begins some samples too early or late is a spike in the torque, which its inertia would have to explain.
+    // A load that begins some samples too early or late is a spike in the torque, which its inertia
+    // would have to explain.
     let [first, last] = best_between(low, high);
     let step = (high - low) / STEPS as f64;
     let [first, last] = best_between((first - step).max(low), (last + step).min(high));
     0.5 * (first + last)
 }
 
-/// The interval of two deviations to both sides of a time of a term, s: chi-squared is within four of the fit's.
-fn interval(problem: &Problem, fitted: &Fitted, noise: &Noise, (k, index): (usize, usize)) -> [f64; 2] {
+/// The interval of two deviations to both sides of a time of a term, s: chi-squared is within four
+/// of the fit's.
+fn interval(
+    problem: &Problem,
+    fitted: &Fitted,
+    noise: &Noise,
+    (k, index): (usize, usize),
+) -> [f64; 2] {
     /// How well its ends are looked for, s.
     const RESOLUTION_S: f64 = 0.02;
     let term = &fitted.terms()[k];
@@ -432,7 +507,8 @@ fn interval(problem: &Problem, fitted: &Fitted, noise: &Noise, (k, index): (usiz
         let mut term = term.clone();
         term.constants[index] = time;
         let columns = problem.term_columns(&without.model, &without.rigid, &term);
-        let white: Vec<Column> = columns.iter().map(|column| noise.whiten(problem, column)).collect();
+        let white: Vec<Column> =
+            columns.iter().map(|column| noise.whiten(problem, column)).collect();
         gain(&without.basis, &without.white, &white, INVISIBLE).chi2
     };
     let most = explained(own);
@@ -462,7 +538,11 @@ pub(super) fn beyond(problem: &Problem, fitted: &Fitted) -> Vec<ByLog> {
     let in_band = by_log(problem, &fitted.residual);
     let rest = |(logged, own): (&f64, &f64)| (logged * logged - own * own).max(0.0).sqrt();
     let logged = problem.logged_errors(&fitted.model);
-    logged.iter().zip(&in_band).map(|(logged, own)| logged.iter().zip(own).map(rest).collect()).collect()
+    logged
+        .iter()
+        .zip(&in_band)
+        .map(|(logged, own)| logged.iter().zip(own).map(rest).collect())
+        .collect()
 }
 
 /// Errors per joint in the band, of all logs together and of each.
@@ -476,9 +556,10 @@ pub(super) fn by_log(problem: &Problem, errors: &Column) -> Vec<ByLog> {
 }
 
 impl Fitted {
-    /// Number of parts into which logs are cut so that others can predict what the term at `index` makes in any of them. Where it
-    /// begins or ends at a time, as many as give two that are mostly before that and two mostly after it, and none if the finest
-    /// do not. What changes with time all along is asked of the longest. Of any other as many as leave enough of what all tell of
+    /// Number of parts into which logs are cut so that others can predict what the term at `index`
+    /// makes in any of them. Where it begins or ends at a time, as many as give two that are mostly
+    /// before that and two mostly after it, and none if the finest do not. What changes with time
+    /// all along is asked of the longest. Of any other as many as leave enough of what all tell of
     /// it, while they are farther from each other than blocks of time.
     pub fn parts_that_tell(&self, problem: &Problem, noise: &Noise, index: usize) -> Option<usize> {
         /// Of what all parts tell, what the others do beside the one that tells most.
@@ -495,7 +576,13 @@ impl Fitted {
         let tells = |count: usize| {
             let fits = match count {
                 FOLDS => self.part_fits(problem, noise),
-                _ => FoldFits::new(&self.columns, &self.target, (noise, held), (&problem.parts(count), None)).into(),
+                _ => FoldFits::new(
+                    &self.columns,
+                    &self.target,
+                    (noise, held),
+                    (&problem.parts(count), None),
+                )
+                .into(),
             };
             fits.least_known(held, (self.indices_of(index), &term.coefficients)) >= ENOUGH
         };
@@ -511,14 +598,15 @@ impl Fitted {
 
     /// Indices of the columns of a term.
     fn indices_of(&self, index: usize) -> Range<usize> {
-        let count = |terms: &[Term]| terms.iter().map(|term| term.coefficients.len()).sum::<usize>();
+        let count =
+            |terms: &[Term]| terms.iter().map(|term| term.coefficients.len()).sum::<usize>();
         let end = self.columns.len() - count(&self.terms()[index + 1..]);
         end - self.terms()[index].coefficients.len()..end
     }
 }
 
-/// Whether fewer than two of so many parts of the logs are mostly before a time at which a term begins or ends, or mostly
-/// after it.
+/// Whether fewer than two of so many parts of the logs are mostly before a time at which a term
+/// begins or ends, or mostly after it.
 fn is_in_one_part(problem: &Problem, term: &Term, count: usize) -> bool {
     let times: Vec<f64> = term.times().collect();
     if times.is_empty() {
@@ -528,8 +616,8 @@ fn is_in_one_part(problem: &Problem, term: &Term, count: usize) -> bool {
     is_alone(&times, rows.map(|(row, part)| (problem.time_of(*row), part)))
 }
 
-/// Whether what begins at the first of some times, ends at the second and so on is there in most rows of fewer than two parts, or
-/// of all but fewer than two.
+/// Whether what begins at the first of some times, ends at the second and so on is there in most
+/// rows of fewer than two parts, or of all but fewer than two.
 ///
 /// - `rows`: time, s, and part
 fn is_alone(times: &[f64], rows: impl Iterator<Item = (f64, usize)>) -> bool {
@@ -544,12 +632,18 @@ fn is_alone(times: &[f64], rows: impl Iterator<Item = (f64, usize)>) -> bool {
     parts(0).min(parts(1)) < 2
 }
 
-/// Errors in the band, on parts of the logs that were left out of the fit. What begins or ends at a time may be in one part
-/// alone ([`is_in_one_part`]): its torque counts as known.
+/// Errors in the band, on parts of the logs that were left out of the fit. What begins or ends at a
+/// time may be in one part alone ([`is_in_one_part`]): its torque counts as known.
 ///
 /// - `count`: parts
-pub(super) fn left_out_parts(problem: &Problem, fitted: &Fitted, noise: &Noise, count: usize) -> LeftOut {
-    let known: Vec<bool> = fitted.terms().iter().map(|term| is_in_one_part(problem, term, count)).collect();
+pub(super) fn left_out_parts(
+    problem: &Problem,
+    fitted: &Fitted,
+    noise: &Noise,
+    count: usize,
+) -> LeftOut {
+    let known: Vec<bool> =
+        fitted.terms().iter().map(|term| is_in_one_part(problem, term, count)).collect();
     if count == FOLDS && !known.contains(&true) {
         return fitted.part_fits(problem, noise).errors();
     }
@@ -574,19 +668,28 @@ pub(super) fn left_out_parts(problem: &Problem, fitted: &Fitted, noise: &Noise, 
     FoldFits::new(&columns, &target.into(), (noise, held), (&problem.parts(count), None)).errors()
 }
 
-/// Errors in the band on fifths of the positions of a joint, and on fifths of its speeds, that were left out of the fit:
-/// what is there holds where it was not seen, an imitation need not.
-pub(super) fn left_out_states(problem: &Problem, fitted: &Fitted, noise: &Noise, joint: usize) -> [LeftOut; 2] {
+/// Errors in the band on fifths of the positions of a joint, and on fifths of its speeds, that were
+/// left out of the fit: what is there holds where it was not seen, an imitation need not.
+pub(super) fn left_out_states(
+    problem: &Problem,
+    fitted: &Fitted,
+    noise: &Noise,
+    joint: usize,
+) -> [LeftOut; 2] {
     /// Parts of positions and speeds, each of which is left out in turn.
     const FIFTHS: usize = 5;
     let n = problem.dof();
     let errors = |state: fn(&Motion) -> &[f64]| {
-        let value = |(stretch, sample): &(usize, usize)| state(&problem.stretches[*stretch].motion)[sample * n + joint];
+        let value = |(stretch, sample): &(usize, usize)| {
+            state(&problem.stretches[*stretch].motion)[sample * n + joint]
+        };
         let mut values: Vec<f64> = problem.rows[joint].iter().map(value).collect();
         values.sort_by(f64::total_cmp);
-        let cuts: Vec<f64> = (1..FIFTHS).filter_map(|k| values.get(k * values.len() / FIFTHS)).copied().collect();
+        let cuts: Vec<f64> =
+            (1..FIFTHS).filter_map(|k| values.get(k * values.len() / FIFTHS)).copied().collect();
         let fold = |row: &(usize, usize)| cuts.iter().filter(|cut| value(row) > **cut).count();
-        let folds: Vec<Vec<usize>> = problem.rows.iter().map(|rows| rows.iter().map(fold).collect()).collect();
+        let folds: Vec<Vec<usize>> =
+            problem.rows.iter().map(|rows| rows.iter().map(fold).collect()).collect();
         let held = Held { file: &problem.priors, precision: &fitted.precision };
         FoldFits::new(&fitted.columns, &fitted.target, (noise, held), (&folds, None)).errors()
     };

@@ -1,11 +1,12 @@
 //! A formula for structure that no known effect explains: a few terms of a dictionary.
 //!
-//! Terms are products of at most two functions of position, speed, acceleration and load of the joint and others. They
-//! are chosen one after the other by orthogonal least squares on the whitened residual, projected on the complement of
-//! the model like any effect, and kept while the error on left-out blocks falls.
+//! Terms are products of at most two functions of position, speed, acceleration and load of the
+//! joint and others. They are chosen one after the other by orthogonal least squares on the
+//! whitened residual, projected on the complement of the model like any effect, and kept while the
+//! error on left-out blocks falls.
 //!
-//! Source: S. Chen, S. A. Billings, W. Luo, Orthogonal least squares methods and their application to non-linear system
-//! identification, Int. J. Control 50(5) (1989).
+//! Source: S. Chen, S. A. Billings, W. Luo, Orthogonal least squares methods and their application
+//! to non-linear system identification, Int. J. Control 50(5) (1989).
 
 use serde::{Deserialize, Serialize};
 
@@ -43,7 +44,8 @@ pub struct Formula {
     pub terms: Vec<FormulaTerm>,
     /// All of it: `tau(joint_1) = 0.90 dq(joint_2) · cos q(joint_1)`.
     pub text: String,
-    /// Share of the variance that is left in the band, on blocks of time that no fit has seen, which it explains.
+    /// Share of the variance that is left in the band, on blocks of time that no fit has seen,
+    /// which it explains.
     pub explained: f64,
 }
 
@@ -73,10 +75,22 @@ enum Factor {
     AbsoluteLoad,
 }
 
-use Factor::{AbsoluteLoad, AbsoluteSpeed, Acceleration, Cosine, Direction, Load, Position, Sine, Speed};
+use Factor::{
+    AbsoluteLoad, AbsoluteSpeed, Acceleration, Cosine, Direction, Load, Position, Sine, Speed,
+};
 
-const OF_EVERY_JOINT: [Factor; 9] =
-    [Position, Sine(1), Cosine(1), Sine(2), Cosine(2), Speed, AbsoluteSpeed, Direction, Acceleration];
+/// What the torque of any joint may depend on.
+const OF_EVERY_JOINT: [Factor; 9] = [
+    Position,
+    Sine(1),
+    Cosine(1),
+    Sine(2),
+    Cosine(2),
+    Speed,
+    AbsoluteSpeed,
+    Direction,
+    Acceleration,
+];
 
 impl Factor {
     fn value(self, q: f64, dq: f64, ddq: f64, load: f64) -> f64 {
@@ -152,7 +166,8 @@ fn dictionary(joint: usize, dof: usize) -> Vec<Product> {
 
 /// Products on the rows of a joint, whitened.
 struct Whitened {
-    /// Hundreds of columns, kept in 32 bits; what is not whitened is made again for the few that are chosen.
+    /// Hundreds of columns, kept in 32 bits; what is not whitened is made again for the few that
+    /// are chosen.
     columns: Vec<Vec<f32>>,
     /// Along the columns of the model.
     shares: Vec<Vec<f64>>,
@@ -163,12 +178,19 @@ struct Whitened {
 }
 
 impl Whitened {
-    fn new(problem: &Problem, fitted: &Fitted, noise: &Noise, joint: usize, products: &[Product]) -> Self {
+    fn new(
+        problem: &Problem,
+        fitted: &Fitted,
+        noise: &Noise,
+        joint: usize,
+        products: &[Product],
+    ) -> Self {
         let (y, fold) = (&fitted.white[joint], &problem.fold[joint]);
         let mut all = Self { columns: vec![], shares: vec![], whole: vec![], along: vec![] };
         for some in products.chunks(AT_ONCE) {
             let columns = raw(problem, fitted, joint, some);
-            let columns: Vec<Column> = columns.iter().map(|column| noise.whiten(problem, column)).collect();
+            let columns: Vec<Column> =
+                columns.iter().map(|column| noise.whiten(problem, column)).collect();
             all.shares.extend(fitted.basis.shares(&columns));
             for z in columns.iter().map(|column| &column[joint]) {
                 let mut sums = [0.0; FOLDS + 1];
@@ -183,18 +205,27 @@ impl Whitened {
     }
 }
 
-/// A formula for what `fitted` leaves at `joint`, if one helps on blocks of time that no fit has seen.
-pub(super) fn formula(problem: &Problem, fitted: &Fitted, noise: &Noise, joint: usize) -> Option<Formula> {
+/// A formula for what `fitted` leaves at `joint`, if one helps on blocks of time that no fit has
+/// seen.
+pub(super) fn formula(
+    problem: &Problem,
+    fitted: &Fitted,
+    noise: &Noise,
+    joint: usize,
+) -> Option<Formula> {
     let products = dictionary(joint, problem.dof());
-    let Whitened { columns: white, shares, whole, mut along } = Whitened::new(problem, fitted, noise, joint, &products);
+    let Whitened { columns: white, shares, whole, mut along } =
+        Whitened::new(problem, fitted, noise, joint, &products);
     // Squared lengths after projection.
-    let mut length: Vec<f64> = whole.iter().zip(&shares).map(|(z, s)| z - dot_in_lanes(s, s)).collect();
+    let mut length: Vec<f64> =
+        whole.iter().zip(&shares).map(|(z, s)| z - dot_in_lanes(s, s)).collect();
     let rows = fitted.white[joint].len().max(2) as f64;
     let invisible = |k: usize, length: f64| length <= 0.02 * whole[k].max(f64::MIN_POSITIVE);
     let mut chosen: Vec<usize> = Vec::new();
     let mut columns: Vec<Column> = Vec::new();
     let mut stability: Vec<f64> = Vec::new();
-    // Of each chosen column: its products with all columns, those chosen before it taken out, over its length.
+    // Of each chosen column: its products with all columns, those chosen before it taken out, over
+    // its length.
     let mut before: Vec<Vec<f64>> = Vec::new();
     let fits = fitted.folds(problem, noise);
     let mut error = fits.errors().mean_square(joint).sqrt();
@@ -203,15 +234,22 @@ pub(super) fn formula(problem: &Problem, fitted: &Fitted, noise: &Noise, joint: 
             let left = |k: usize| along[k][FOLDS] - skip.map_or(0.0, |fold| along[k][fold]);
             (0..products.len())
                 .filter(|&k| !chosen.contains(&k) && !invisible(k, length[k]))
-                .max_by(|&a, &b| (left(a).powi(2) / length[a]).total_cmp(&(left(b).powi(2) / length[b])))
+                .max_by(|&a, &b| {
+                    (left(a).powi(2) / length[a]).total_cmp(&(left(b).powi(2) / length[b]))
+                })
         };
         let Some(best) = best_without(None) else { break };
-        let score = 0.5 * along[best][FOLDS].powi(2) / length[best] - 0.5 * rows.ln() - (products.len() as f64).ln();
+        let score = 0.5 * along[best][FOLDS].powi(2) / length[best]
+            - 0.5 * rows.ln()
+            - (products.len() as f64).ln();
         if score < EVIDENCE {
             break;
         }
         columns.extend(raw(problem, fitted, joint, &products[best..=best]));
-        let with = fits.errors_with(&Extra { columns: &columns, precision: &[] }, &[joint]).mean_square(joint).sqrt();
+        let with = fits
+            .errors_with(&Extra { columns: &columns, precision: &[] }, &[joint])
+            .mean_square(joint)
+            .sqrt();
         if with > (1.0 - MATERIAL) * error {
             break;
         }
@@ -222,7 +260,8 @@ pub(super) fn formula(problem: &Problem, fitted: &Fitted, noise: &Noise, joint: 
         let own_column = wide(best);
         let products_with: Vec<f64> = (0..products.len())
             .map(|k| {
-                let plain = dot_in_lanes(&wide(k), &own_column) - dot_in_lanes(&shares[k], &shares[best]);
+                let plain =
+                    dot_in_lanes(&wide(k), &own_column) - dot_in_lanes(&shares[k], &shares[best]);
                 plain - before.iter().map(|row| row[k] * row[best]).sum::<f64>()
             })
             .collect();
@@ -297,7 +336,10 @@ fn written(
                 function: text.collect::<Vec<_>>().join(" · "),
                 coefficient: coefficients[k],
                 std: deviations[k],
-                unit: std::iter::once(own.kind.torque_unit().to_string()).chain(units).collect::<Vec<_>>().join("/"),
+                unit: std::iter::once(own.kind.torque_unit().to_string())
+                    .chain(units)
+                    .collect::<Vec<_>>()
+                    .join("/"),
                 stability: term.stability,
             }
         })
@@ -323,8 +365,12 @@ fn deviations(fitted: &Fitted, joint: usize, columns: &[Column]) -> Vec<f64> {
     let k = columns.len();
     let z: Vec<&Vec<f64>> = columns.iter().map(|column| &column[joint]).collect();
     let shares = fitted.basis.shares(columns);
-    let gram = faer::Mat::from_fn(k, k, |a, b| dot_in_lanes(z[a], z[b]) - dot_in_lanes(&shares[a], &shares[b]));
+    let gram = faer::Mat::from_fn(k, k, |a, b| {
+        dot_in_lanes(z[a], z[b]) - dot_in_lanes(&shares[a], &shares[b])
+    });
     let unit = faer::Mat::from_fn(k, k, |a, b| if a == b { 1.0 } else { 0.0 });
-    solve_general(&gram, &unit)
-        .map_or_else(|| vec![f64::INFINITY; k], |inverse| (0..k).map(|a| inverse[(a, a)].max(0.0).sqrt()).collect())
+    solve_general(&gram, &unit).map_or_else(
+        || vec![f64::INFINITY; k],
+        |inverse| (0..k).map(|a| inverse[(a, a)].max(0.0).sqrt()).collect(),
+    )
 }

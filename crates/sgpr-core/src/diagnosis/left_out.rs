@@ -1,8 +1,9 @@
-//! Fits that parts of the rows were left out of, and their errors there, from products that are computed once.
+//! Fits that parts of the rows were left out of, and their errors there, from products that are
+//! computed once.
 //!
-//! With columns X of a model and z of something beside it, the fit of both follows from that of X by the Schur complement
-//! of z. What one more effect would change on left-out blocks so costs little more than its products with the columns of
-//! the joints on which it acts.
+//! With columns X of a model and z of something beside it, the fit of both follows from that of X
+//! by the Schur complement of z. What one more effect would change on left-out blocks so costs
+//! little more than its products with the columns of the joints on which it acts.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -38,8 +39,8 @@ pub(super) struct Held<'a> {
     pub precision: &'a [f64],
 }
 
-/// Index of the last of some models that predicts left-out folds as well as the best, up to the standard error of the
-/// difference and to rounding; each with its squares of every fold.
+/// Index of the last of some models that predicts left-out folds as well as the best, up to the
+/// standard error of the difference and to rounding; each with its squares of every fold.
 ///
 /// - `rounding`: differences of their sums that are none
 ///
@@ -57,8 +58,9 @@ fn weakest_as_good(squares: &[&[f64]], rounding: f64) -> usize {
     squares.iter().rposition(|own| is_as_good(own)).unwrap_or_default()
 }
 
-/// Fits to all folds but one, for each of them, held by the robot file as weakly as predicts what was left out as well as any
-/// other width: where the other folds do not determine a parameter its error would hide what a model lacks.
+/// Fits to all folds but one, for each of them, held by the robot file as weakly as predicts what
+/// was left out as well as any other width: where the other folds do not determine a parameter its
+/// error would hide what a model lacks.
 pub(super) struct FoldFits {
     columns: Vec<Arc<Column>>,
     target: Arc<Column>,
@@ -84,7 +86,11 @@ struct FoldFit {
 
 impl FoldFit {
     /// The fit to all folds but one, or to all.
-    fn new(products: &[Products], left_out: Option<usize>, (own, file): (&[f64], Option<&FilePrior>)) -> Self {
+    fn new(
+        products: &[Products],
+        left_out: Option<usize>,
+        (own, file): (&[f64], Option<&FilePrior>),
+    ) -> Self {
         let m = products.first().map_or(0, |fold| fold.target.len());
         let mut sum = Products::without(products, left_out, m, 0);
         if let Some(FilePrior { precision, pull }) = file {
@@ -104,8 +110,8 @@ impl FoldFit {
 }
 
 impl FoldFits {
-    /// The fits of `columns` to a target, each joint weighted by its noise; `folds` per joint and row. Products of columns
-    /// that are in fits `like` it are taken from there.
+    /// The fits of `columns` to a target, each joint weighted by its noise; `folds` per joint and
+    /// row. Products of columns that are in fits `like` it are taken from there.
     pub fn new(
         columns: &[Arc<Column>],
         target: &Arc<Column>,
@@ -115,29 +121,46 @@ impl FoldFits {
         let weights: Vec<f64> = noise.level.iter().map(|level| 1.0 / (level * level)).collect();
         let blocks = blocks_of(folds);
         let all: Vec<&Column> = columns.iter().map(|column| &**column).collect();
-        let like =
-            like.filter(|like| Arc::ptr_eq(&like.target, target) && like.weights == weights && like.blocks == blocks);
-        let in_like: Vec<Option<usize>> = columns.iter().map(|column| like.and_then(|l| l.index_of(column))).collect();
+        let like = like.filter(|like| {
+            Arc::ptr_eq(&like.target, target) && like.weights == weights && like.blocks == blocks
+        });
+        let in_like: Vec<Option<usize>> =
+            columns.iter().map(|column| like.and_then(|l| l.index_of(column))).collect();
         let of_fold = |(fold, blocks): (usize, &Vec<(usize, Range<usize>)>)| {
             let known = like.map(|like| (&like.products[fold], like.columns.len()));
             Products::symmetric(&all, target, (blocks, &weights), (known, &in_like))
         };
         let products: Vec<Products> = blocks.par_iter().enumerate().map(of_fold).collect();
         let with = |prior: Option<&FilePrior>| {
-            let without = |fold: usize| FoldFit::new(&products, Some(fold), (held.precision, prior));
+            let without =
+                |fold: usize| FoldFit::new(&products, Some(fold), (held.precision, prior));
             let folds: Vec<FoldFit> = (0..blocks.len()).into_par_iter().map(without).collect();
-            let squares =
-                |(fold, products): (&FoldFit, &Products)| products.change(&fold.factor.backward(&fold.forward));
+            let squares = |(fold, products): (&FoldFit, &Products)| {
+                products.change(&fold.factor.backward(&fold.forward))
+            };
             (folds.iter().zip(&products).map(squares).collect::<Vec<f64>>(), folds)
         };
         let mut widths: Vec<_> = held.file.iter().map(Some).chain([None]).map(with).collect();
         // Squares of what is left are differences of those of the target.
-        let size: f64 = target.iter().zip(&weights).map(|(target, weight)| weight * dot_in_lanes(target, target)).sum();
+        let size: f64 = target
+            .iter()
+            .zip(&weights)
+            .map(|(target, weight)| weight * dot_in_lanes(target, target))
+            .sum();
         let squares: Vec<&[f64]> = widths.iter().map(|(squares, _)| &squares[..]).collect();
         let weakest = weakest_as_good(&squares, ROUNDING * size);
         let (_, folds) = widths.swap_remove(weakest);
         let errors = errors_of((columns, target), &blocks, &folds);
-        Self { columns: columns.to_vec(), target: target.clone(), blocks, weights, products, folds, errors, weakest }
+        Self {
+            columns: columns.to_vec(),
+            target: target.clone(),
+            blocks,
+            weights,
+            products,
+            folds,
+            errors,
+            weakest,
+        }
     }
 
     fn index_of(&self, column: &Arc<Column>) -> Option<usize> {
@@ -159,13 +182,15 @@ impl FoldFits {
         errors_of((&self.columns, &self.target), &self.blocks, &fits)
     }
 
-    /// Of the folds that each fit is of, the share of the squares that it leaves, joints weighted by their noise.
+    /// Of the folds that each fit is of, the share of the squares that it leaves, joints weighted
+    /// by their noise.
     pub fn shares_left_of_others(&self) -> Vec<f64> {
         let square = |&(joint, ref rows): &(usize, Range<usize>)| {
             let target = &self.target[joint][rows.clone()];
             self.weights[joint] * dot_in_lanes(target, target)
         };
-        let squares: Vec<f64> = self.blocks.iter().map(|blocks| blocks.iter().map(square).sum()).collect();
+        let squares: Vec<f64> =
+            self.blocks.iter().map(|blocks| blocks.iter().map(square).sum()).collect();
         let share = |(left_out, fit): (usize, &FoldFit)| {
             let solution = fit.factor.backward(&fit.forward);
             let others = || (0..squares.len()).filter(|fold| *fold != left_out);
@@ -175,23 +200,27 @@ impl FoldFits {
         self.folds.iter().enumerate().map(share).collect()
     }
 
-    /// The least that remains, with a fold left out, of what all folds tell of the torque of some columns, as a share of it:
-    /// of its squares with what the other columns can make taken out.
+    /// The least that remains, with a fold left out, of what all folds tell of the torque of some
+    /// columns, as a share of it: of its squares with what the other columns can make taken out.
     ///
     /// - `held`: by what the fits are held
     pub fn least_known(&self, held: Held<'_>, (columns, factors): (Range<usize>, &[f64])) -> f64 {
         let own = |fit: &FoldFit| fit.factor.squares_beside_others(columns.clone(), factors);
-        let all = own(&FoldFit::new(&self.products, None, (held.precision, held.file.get(self.weakest))));
+        let all =
+            own(&FoldFit::new(&self.products, None, (held.precision, held.file.get(self.weakest))));
         let least = self.folds.iter().map(own).fold(f64::INFINITY, f64::min);
         if all > 0.0 { least / all } else { 1.0 }
     }
 
-    /// The same of fits with columns beside those of the model, at some joints; at the others those without them.
+    /// The same of fits with columns beside those of the model, at some joints; at the others those
+    /// without them.
     pub fn errors_with(&self, extra: &Extra<'_>, joints: &[usize]) -> LeftOut {
         let own: Vec<&Column> = self.columns.iter().map(|column| &**column).collect();
         let beside: Vec<&Column> = extra.columns.iter().collect();
         let mut errors = self.errors.clone();
-        for (blocks, (changes, factors)) in self.blocks.iter().zip(self.changes(extra.precision, &own, &beside)) {
+        for (blocks, (changes, factors)) in
+            self.blocks.iter().zip(self.changes(extra.precision, &own, &beside))
+        {
             for (joint, rows) in blocks.iter().filter(|(joint, _)| joints.contains(joint)) {
                 let errors = &mut errors[*joint][rows.clone()];
                 add_columns(errors, &own, &changes, (*joint, rows));
@@ -201,23 +230,32 @@ impl FoldFits {
         LeftOut { rows: errors }
     }
 
-    /// Per fold by how much the model's parameters change with columns beside it, and the factors of these.
-    fn changes(&self, precision: &[f64], own: &[&Column], beside: &[&Column]) -> Vec<(Vec<f64>, Vec<f64>)> {
+    /// Per fold by how much the model's parameters change with columns beside it, and the factors
+    /// of these.
+    fn changes(
+        &self,
+        precision: &[f64],
+        own: &[&Column],
+        beside: &[&Column],
+    ) -> Vec<(Vec<f64>, Vec<f64>)> {
         let (m, k) = (own.len(), beside.len());
-        let of_fold =
-            |blocks: &Vec<(usize, Range<usize>)>| Products::new(beside, own, &self.target, blocks, &self.weights);
+        let of_fold = |blocks: &Vec<(usize, Range<usize>)>| {
+            Products::new(beside, own, &self.target, blocks, &self.weights)
+        };
         let products: Vec<Products> = self.blocks.iter().map(of_fold).collect();
         let of_fold = |(left_out, fold): (usize, &FoldFit)| {
             let sum = Products::without(&products, Some(left_out), k, m);
             let precision = |i: usize| precision.get(i).copied().unwrap_or_default();
             let lengths: Vec<f64> = (0..k).map(|i| sum.gram[i * k + i] + precision(i)).collect();
-            let along: Vec<Vec<f64>> = (0..k).map(|i| fold.factor.forward(&sum.across[i * m..(i + 1) * m])).collect();
+            let along: Vec<Vec<f64>> =
+                (0..k).map(|i| fold.factor.forward(&sum.across[i * m..(i + 1) * m])).collect();
             let schur = |i: usize, j: usize| {
                 let prior = if i == j { precision(i) } else { 0.0 };
                 sum.gram[i * k + j] + prior - dot_in_lanes(&along[i], &along[j])
             };
             let complement: Vec<f64> = (0..k * k).map(|i| schur(i / k, i % k)).collect();
-            let rest: Vec<f64> = (0..k).map(|i| sum.target[i] - dot_in_lanes(&along[i], &fold.forward)).collect();
+            let rest: Vec<f64> =
+                (0..k).map(|i| sum.target[i] - dot_in_lanes(&along[i], &fold.forward)).collect();
             let factors = Factor::new(&complement, &lengths, INVISIBLE).solve(&rest);
             let mut taken = vec![0.0; m];
             for (along, factor) in along.iter().zip(&factors) {
@@ -236,7 +274,8 @@ fn errors_of(
     fits: &[FoldFit],
 ) -> Column {
     let columns: Vec<&Column> = columns.iter().map(|column| &**column).collect();
-    let mut errors: Column = target.iter().map(|target| target.iter().map(|target| -target).collect()).collect();
+    let mut errors: Column =
+        target.iter().map(|target| target.iter().map(|target| -target).collect()).collect();
     for (blocks, fit) in blocks.iter().zip(fits) {
         let solution = fit.factor.backward(&fit.forward);
         for (joint, rows) in blocks {
@@ -285,7 +324,9 @@ impl Products {
         let mut own = Self { gram: vec![0.0; m * m], target: vec![0.0; m], across: vec![] };
         for (row, &a) in new.iter().enumerate() {
             own.target[a] = made.target[row];
-            new.iter().enumerate().for_each(|(k, &b)| own.gram[a * m + b] = made.gram[row * new.len() + k]);
+            new.iter()
+                .enumerate()
+                .for_each(|(k, &b)| own.gram[a * m + b] = made.gram[row * new.len() + k]);
             for (k, &b) in old.iter().enumerate() {
                 let product = made.across[row * old.len() + k];
                 (own.gram[a * m + b], own.gram[b * m + a]) = (product, product);
@@ -310,7 +351,8 @@ impl Products {
         weights: &[f64],
     ) -> Self {
         let (k, m) = (columns.len(), others.len());
-        let mut own = Self { gram: vec![0.0; k * k], target: vec![0.0; k], across: vec![0.0; k * m] };
+        let mut own =
+            Self { gram: vec![0.0; k * k], target: vec![0.0; k], across: vec![0.0; k * m] };
         for (joint, rows) in blocks {
             let weight = weights[*joint];
             let present = |columns: &[&Column]| -> Vec<usize> {
@@ -321,10 +363,12 @@ impl Products {
                 let x = &columns[a][*joint][rows.clone()];
                 own.target[a] += weight * dot_in_lanes(x, &target[*joint][rows.clone()]);
                 for &b in &mine[..=index] {
-                    own.gram[a * k + b] += weight * dot_in_lanes(x, &columns[b][*joint][rows.clone()]);
+                    own.gram[a * k + b] +=
+                        weight * dot_in_lanes(x, &columns[b][*joint][rows.clone()]);
                 }
                 for &b in &theirs {
-                    own.across[a * m + b] += weight * dot_in_lanes(x, &others[b][*joint][rows.clone()]);
+                    own.across[a * m + b] +=
+                        weight * dot_in_lanes(x, &others[b][*joint][rows.clone()]);
                 }
             }
         }
@@ -334,27 +378,43 @@ impl Products {
         own
     }
 
-    /// By how much the weighted squares of what is left of the target grow with factors of the columns.
+    /// By how much the weighted squares of what is left of the target grow with factors of the
+    /// columns.
     fn change(&self, factors: &[f64]) -> f64 {
         let m = factors.len();
-        let along = |i: usize| dot_in_lanes(&self.gram[i * m..(i + 1) * m], factors) - 2.0 * self.target[i];
+        let along =
+            |i: usize| dot_in_lanes(&self.gram[i * m..(i + 1) * m], factors) - 2.0 * self.target[i];
         (0..m).map(|i| factors[i] * along(i)).sum()
     }
 
     /// The sum of all folds, or of all but one, for `k` columns and `m` others.
     fn without(all: &[Self], left_out: Option<usize>, k: usize, m: usize) -> Self {
-        let mut sum = Self { gram: vec![0.0; k * k], target: vec![0.0; k], across: vec![0.0; k * m] };
+        let mut sum =
+            Self { gram: vec![0.0; k * k], target: vec![0.0; k], across: vec![0.0; k * m] };
         for (_, own) in all.iter().enumerate().filter(|(fold, _)| Some(*fold) != left_out) {
-            let parts = [(&mut sum.gram, &own.gram), (&mut sum.target, &own.target), (&mut sum.across, &own.across)];
-            parts.into_iter().for_each(|(sum, own)| sum.iter_mut().zip(own).for_each(|(sum, x)| *sum += x));
+            let parts = [
+                (&mut sum.gram, &own.gram),
+                (&mut sum.target, &own.target),
+                (&mut sum.across, &own.across),
+            ];
+            parts
+                .into_iter()
+                .for_each(|(sum, own)| sum.iter_mut().zip(own).for_each(|(sum, x)| *sum += x));
         }
         sum
     }
 }
 
 /// Adds columns times factors to some rows of a joint.
-fn add_columns(out: &mut [f64], columns: &[&Column], factors: &[f64], (joint, rows): (usize, &Range<usize>)) {
-    for (column, factor) in columns.iter().zip(factors).filter(|(column, _)| !column[joint].is_empty()) {
+fn add_columns(
+    out: &mut [f64],
+    columns: &[&Column],
+    factors: &[f64],
+    (joint, rows): (usize, &Range<usize>),
+) {
+    for (column, factor) in
+        columns.iter().zip(factors).filter(|(column, _)| !column[joint].is_empty())
+    {
         out.iter_mut().zip(&column[joint][rows.clone()]).for_each(|(out, x)| *out += factor * x);
     }
 }
@@ -364,9 +424,14 @@ mod tests {
     use super::*;
     use sgpr_numeric::internal::Random;
 
-    /// Fits anew to what is left, by another way than the products: QR of all rows of the other folds, and of one for each
-    /// factor that is expected to be near to a value.
-    fn anew(columns: &[Column], target: &Column, folds: &[Vec<usize>], expected: &[(f64, f64)]) -> Column {
+    /// Fits anew to what is left, by another way than the products: QR of all rows of the other
+    /// folds, and of one for each factor that is expected to be near to a value.
+    fn anew(
+        columns: &[Column],
+        target: &Column,
+        folds: &[Vec<usize>],
+        expected: &[(f64, f64)],
+    ) -> Column {
         let count = 1 + *folds.iter().flatten().max().expect("rows");
         let mut errors: Column = target.iter().map(|t| vec![0.0; t.len()]).collect();
         for fold in 0..count {
@@ -374,11 +439,15 @@ mod tests {
                 .flat_map(|joint| (0..target[joint].len()).map(move |row| (joint, row)))
                 .filter(|(joint, row)| folds[*joint][*row] != fold)
                 .collect();
-            let value = |c: &Column, (joint, row): (usize, usize)| c[joint].get(row).copied().unwrap_or_default();
-            let x = nalgebra::DMatrix::from_fn(rows.len() + expected.len(), columns.len(), |i, j| {
-                let of_prior = |k: usize| if k == j { 1.0 / expected[k].1 } else { 0.0 };
-                rows.get(i).map_or_else(|| of_prior(i - rows.len()), |row| value(&columns[j], *row))
-            });
+            let value = |c: &Column, (joint, row): (usize, usize)| {
+                c[joint].get(row).copied().unwrap_or_default()
+            };
+            let x =
+                nalgebra::DMatrix::from_fn(rows.len() + expected.len(), columns.len(), |i, j| {
+                    let of_prior = |k: usize| if k == j { 1.0 / expected[k].1 } else { 0.0 };
+                    rows.get(i)
+                        .map_or_else(|| of_prior(i - rows.len()), |row| value(&columns[j], *row))
+                });
             let y = nalgebra::DVector::from_fn(rows.len() + expected.len(), |i, _| {
                 let of_prior = |k: usize| expected[k].0 / expected[k].1;
                 rows.get(i).map_or_else(|| of_prior(i - rows.len()), |row| value(target, *row))
@@ -386,8 +455,11 @@ mod tests {
             let factors = x.svd(true, true).solve(&y, 1e-12).expect("both sides were asked for");
             for joint in 0..target.len() {
                 for row in (0..target[joint].len()).filter(|&row| folds[joint][row] == fold) {
-                    let predicted: f64 =
-                        columns.iter().zip(&factors).map(|(c, factor)| factor * value(c, (joint, row))).sum();
+                    let predicted: f64 = columns
+                        .iter()
+                        .zip(&factors)
+                        .map(|(c, factor)| factor * value(c, (joint, row)))
+                        .sum();
                     errors[joint][row] = predicted - target[joint][row];
                 }
             }
@@ -399,7 +471,10 @@ mod tests {
     fn errors_are_those_of_fits_made_anew() {
         let mut random = Random::new(3);
         let mut column = |present: [bool; 2]| -> Column {
-            present.iter().map(|p| (0..if *p { 40 } else { 0 }).map(|_| random.normal()).collect()).collect()
+            present
+                .iter()
+                .map(|p| (0..if *p { 40 } else { 0 }).map(|_| random.normal()).collect())
+                .collect()
         };
         let model = [column([true, true]), column([true, false]), column([false, true])];
         let beside = [column([true, false]), column([true, true])];
@@ -424,8 +499,8 @@ mod tests {
         let like = FoldFits::new(&some, &target, (&noise, none), (&folds, Some(&fits)));
         let some = [model[2].clone(), another.to_vec(), model[0].clone()];
         close(&like.errors(), &anew(&some, &target, &folds, &[]));
-        // Each column shows in one fold alone, without which its factor is noise: what expects factors of zero predicts the
-        // target best, which has nothing to do with them.
+        // Each column shows in one fold alone, without which its factor is noise: what expects
+        // factors of zero predicts the target best, which has nothing to do with them.
         let shows = |fold: usize| {
             let mut column = column([true, false]);
             let rows = column[0].iter_mut().zip(&folds[0]).filter(|(_, own)| **own != fold);
@@ -435,7 +510,10 @@ mod tests {
         let model: Vec<Column> = (0..5).map(shows).collect();
         let prior = |mean: f64, deviation: f64| {
             let precision = |at: usize| if at / 5 == at % 5 { deviation.powi(-2) } else { 0.0 };
-            FilePrior { precision: (0..25).map(precision).collect(), pull: vec![mean * deviation.powi(-2); 5] }
+            FilePrior {
+                precision: (0..25).map(precision).collect(),
+                pull: vec![mean * deviation.powi(-2); 5],
+            }
         };
         let priors = [prior(5.0, 0.1), prior(0.0, 0.1), prior(0.0, 100.0)];
         let of_file = Held { file: &priors, precision: &[] };
@@ -447,7 +525,8 @@ mod tests {
         let each = Held { file: &[], precision: &[100.0; 5] };
         let each = FoldFits::new(&shared, &target, (&noise, each), (&folds, None));
         close(&each.errors(), &anew(&model, &target, &folds, &[(0.0, 0.1); 5]));
-        let squares: [&[f64]; 4] = [&[1.0, 2.0, 1.0], &[1.1, 1.9, 1.1], &[1.0, 9.0, 1.0], &[3.0, 4.0, 3.0]];
+        let squares: [&[f64]; 4] =
+            [&[1.0, 2.0, 1.0], &[1.1, 1.9, 1.1], &[1.0, 9.0, 1.0], &[3.0, 4.0, 3.0]];
         assert_eq!((weakest_as_good(&squares, 0.0), weakest_as_good(&squares, 6.0)), (2, 3));
     }
 
@@ -469,7 +548,8 @@ mod tests {
             column.iter().zip(&folds).filter(|(_, own)| **own != fold).map(|(x, _)| *x).collect()
         };
         let least_known = |step: &[f64], factors: &[f64]| {
-            let columns = [&level[..], step, &first, &second].map(|column| Arc::new(vec![column.to_vec()]));
+            let columns =
+                [&level[..], step, &first, &second].map(|column| Arc::new(vec![column.to_vec()]));
             let target = Arc::new(vec![second.clone()]);
             let none = Held { file: &[], precision: &[] };
             let fits = FoldFits::new(
@@ -482,7 +562,8 @@ mod tests {
         };
         let share = |column: &[f64], others: &[&[f64]]| {
             let left = |fold: usize| {
-                let others: Vec<Vec<f64>> = others.iter().map(|other| without(other, fold)).collect();
+                let others: Vec<Vec<f64>> =
+                    others.iter().map(|other| without(other, fold)).collect();
                 squares_beside(&without(column, fold), &others)
             };
             let others: Vec<Vec<f64>> = others.iter().map(|other| other.to_vec()).collect();
@@ -490,7 +571,8 @@ mod tests {
         };
         for begin in [15, 25, 38, 40] {
             let step: Vec<f64> = (0..50).map(|row| f64::from(u8::from(row >= begin))).collect();
-            let both: Vec<f64> = step.iter().zip(&first).map(|(step, first)| 2.0 * step - 0.5 * first).collect();
+            let both: Vec<f64> =
+                step.iter().zip(&first).map(|(step, first)| 2.0 * step - 0.5 * first).collect();
             for (own, expected) in [
                 (least_known(&step, &[3.0]), share(&step, &[&level, &first, &second])),
                 (least_known(&step, &[2.0, -0.5]), share(&both, &[&level, &second])),

@@ -1,14 +1,20 @@
-//! How well a model predicts the logs, its noise taken for whatever it looks like beside that very model.
+//! How well a model predicts the logs, its noise taken for whatever it looks like beside that very
+//! model.
 //!
-//! Evidence that is counted with one estimate of the noise is only as right as that. With few rows the columns of a large
-//! model take up most of what a noise with a memory does, what they leave looks smaller and whiter than it is, and everything
-//! has evidence. So noise is estimated here twice, beside a model with something and beside the one without it, from what is
-//! orthogonal to its columns (restricted likelihood: H. D. Patterson, R. Thompson, Recovery of inter-block information when
-//! block sizes are unequal, Biometrika 58(3) (1971)), and each of the two is believed to have the noise that makes it likelier.
+//! Evidence that is counted with one estimate of the noise is only as right as that. With few rows
+//! the columns of a large model take up most of what a noise with a memory does, what they leave
+//! looks smaller and whiter than it is, and everything has evidence. So noise is estimated here
+//! twice, beside a model with something and beside the one without it, from what is orthogonal to
+//! its columns (restricted likelihood: H. D. Patterson, R. Thompson, Recovery of inter-block
+//! information when block sizes are unequal, Biometrika 58(3) (1971)), and each of the two is
+//! believed to have the noise that makes it likelier.
 
 use std::convert::Infallible;
 
-use basin::{Bobyqa, BoxBounds, ConstraintDescription, ConstraintSet, Constraints, CostFunction, Executor, PointState};
+use basin::{
+    Bobyqa, BoxBounds, ConstraintDescription, ConstraintSet, Constraints, CostFunction, Executor,
+    PointState,
+};
 use faer::linalg::matmul::matmul;
 use faer::linalg::solvers::Solve;
 use faer::{Accum, Mat, Par};
@@ -22,9 +28,9 @@ use super::problem::{Column, Problem};
 use crate::linalg::{dot_in_lanes, rms};
 use sgpr_predict::internal::Autoregression;
 
-/// Noise of a joint's torque, an autoregression by its partial autocorrelations, which may take any values below one (O.
-/// Barndorff-Nielsen, G. Schou, On the parametrization of autoregressive models by partial autocorrelations, J. Multivar.
-/// Anal. 3(4) (1973)).
+/// Noise of a joint's torque, an autoregression by its partial autocorrelations, which may take any
+/// values below one (O. Barndorff-Nielsen, G. Schou, On the parametrization of autoregressive
+/// models by partial autocorrelations, J. Multivar. Anal. 3(4) (1973)).
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct JointNoise {
     partial: Vec<f64>,
@@ -32,8 +38,8 @@ pub(super) struct JointNoise {
     variance: f64,
 }
 
-/// The autoregressions of all orders up to that of some partial autocorrelations, with which the first rows of a run are
-/// predicted from those that there are.
+/// The autoregressions of all orders up to that of some partial autocorrelations, with which the
+/// first rows of a run are predicted from those that there are.
 struct Orders {
     /// Coefficients, the latest row's first.
     phi: Vec<Vec<f64>>,
@@ -47,7 +53,8 @@ impl Orders {
         for &last in partial {
             phi.push(Autoregression::of_next_order(&phi[phi.len() - 1], last));
         }
-        let not_predicted = |order: usize| partial[order..].iter().map(|k| 1.0 / (1.0 - k * k)).product();
+        let not_predicted =
+            |order: usize| partial[order..].iter().map(|k| 1.0 / (1.0 - k * k)).product();
         let variance = (0..=partial.len()).map(not_predicted).collect();
         Self { phi, variance }
     }
@@ -56,10 +63,12 @@ impl Orders {
         run.min(self.phi.len() - 1)
     }
 
-    /// What a row has that those before it do not predict, in standard deviations of the innovations.
+    /// What a row has that those before it do not predict, in standard deviations of the
+    /// innovations.
     fn innovation(&self, x: &[f64], row: usize, run: usize) -> f64 {
         let order = self.order(run);
-        let predicted: f64 = self.phi[order].iter().enumerate().map(|(lag, phi)| phi * x[row - 1 - lag]).sum();
+        let predicted: f64 =
+            self.phi[order].iter().enumerate().map(|(lag, phi)| phi * x[row - 1 - lag]).sum();
         (x[row] - predicted) / self.variance[order].sqrt()
     }
 
@@ -69,7 +78,8 @@ impl Orders {
     }
 }
 
-/// A joint's equations: free columns, held ones and the target, by products of rows with those some lags before.
+/// A joint's equations: free columns, held ones and the target, by products of rows with those some
+/// lags before.
 struct RestrictedLikelihood {
     free: usize,
     held: usize,
@@ -79,7 +89,8 @@ struct RestrictedLikelihood {
     /// Least variance of the noise, (N·m)² (N²).
     least: f64,
     highest: usize,
-    /// Products of lags i and j at i (i + 1) / 2 + j, of the rows that have as many before them as the highest order.
+    /// Products of lags i and j at i (i + 1) / 2 + j, of the rows that have as many before them as
+    /// the highest order.
     products: Vec<Mat<f64>>,
     /// The other rows, by column.
     starts: Vec<usize>,
@@ -88,33 +99,61 @@ struct RestrictedLikelihood {
 
 impl RestrictedLikelihood {
     /// None where there are not enough rows.
-    fn new(free: &[&[f64]], (held, precision): (&[&[f64]], f64), target: &[f64], run: &[usize]) -> Option<Self> {
+    fn new(
+        free: &[&[f64]],
+        (held, precision): (&[&[f64]], f64),
+        target: &[f64],
+        run: &[usize],
+    ) -> Option<Self> {
         let independent = Basis::new(free.iter().map(|column| vec![column.to_vec()]).collect());
         let unit = |column: &[f64]| -> Vec<f64> {
             let length = dot_in_lanes(column, column).sqrt();
             column.iter().map(|x| x / length).collect()
         };
-        let mut columns: Vec<Vec<f64>> = independent.independent().iter().map(|column| unit(&column[0])).collect();
+        let mut columns: Vec<Vec<f64>> =
+            independent.independent().iter().map(|column| unit(&column[0])).collect();
         let free = columns.len();
         columns.extend(held.iter().chain([&target]).map(|column| column.to_vec()));
         if target.len() < free + LEAST_FREEDOM {
             return None;
         }
         let highest = ORDER.min((target.len() as f64 / ROWS_PER_ORDER) as usize);
-        let (late, starts): (Vec<usize>, Vec<usize>) = (0..target.len()).partition(|row| run[*row] >= highest);
-        let lagged = |lag: usize| Mat::from_fn(late.len(), columns.len(), |row, k| columns[k][late[row] - lag]);
+        let (late, starts): (Vec<usize>, Vec<usize>) =
+            (0..target.len()).partition(|row| run[*row] >= highest);
+        let lagged = |lag: usize| {
+            Mat::from_fn(late.len(), columns.len(), |row, k| columns[k][late[row] - lag])
+        };
         let lagged: Vec<Mat<f64>> = (0..=highest).map(lagged).collect();
         let product = |(i, j): (usize, usize)| {
             let mut own = Mat::zeros(columns.len(), columns.len());
-            matmul(own.as_mut(), Accum::Replace, lagged[i].transpose(), lagged[j].as_ref(), 1.0, Par::Seq);
+            matmul(
+                own.as_mut(),
+                Accum::Replace,
+                lagged[i].transpose(),
+                lagged[j].as_ref(),
+                1.0,
+                Par::Seq,
+            );
             if i == j { own } else { &own + own.transpose() }
         };
-        let products = (0..=highest).flat_map(|i| (0..=i).map(move |j| (i, j))).map(product).collect();
+        let products =
+            (0..=highest).flat_map(|i| (0..=i).map(move |j| (i, j))).map(product).collect();
         let least = (LEAST_SHARE * rms(target)).max(1e-12).powi(2);
-        Some(Self { free, held: held.len(), precision, run: run.to_vec(), least, highest, products, starts, columns })
+        Some(Self {
+            free,
+            held: held.len(),
+            precision,
+            run: run.to_vec(),
+            least,
+            highest,
+            products,
+            starts,
+            columns,
+        })
     }
 
-    /// Minus twice the restricted log likelihood, and the variance of the innovations at which it is greatest.
+    /// Minus twice the restricted log likelihood, and the variance of the innovations at which it
+    /// is greatest.
     fn cost(&self, partial: &[f64]) -> Option<(f64, f64)> {
         let orders = Orders::of(partial);
         let size = self.columns.len();
@@ -124,11 +163,16 @@ impl RestrictedLikelihood {
             let (factor, product) = (of_lag(i) * of_lag(j), &self.products[i * (i + 1) / 2 + j]);
             for column in 0..size {
                 let product = product.col_as_slice(column);
-                sum.col_as_slice_mut(column).iter_mut().zip(product).for_each(|(sum, x)| *sum += factor * x);
+                sum.col_as_slice_mut(column)
+                    .iter_mut()
+                    .zip(product)
+                    .for_each(|(sum, x)| *sum += factor * x);
             }
         }
-        let innovation = |row: usize, k: usize| orders.innovation(&self.columns[k], row, self.run[row]);
-        let starts = Mat::from_fn(self.starts.len(), size, |row, k| innovation(self.starts[row], k));
+        let innovation =
+            |row: usize, k: usize| orders.innovation(&self.columns[k], row, self.run[row]);
+        let starts =
+            Mat::from_fn(self.starts.len(), size, |row, k| innovation(self.starts[row], k));
         matmul(sum.as_mut(), Accum::Add, starts.transpose(), starts.as_ref(), 1.0, Par::Seq);
         (0..self.free).for_each(|k| sum[(k, k)] *= 1.0 + ROUNDING);
         (self.free..self.free + self.held).for_each(|k| sum[(k, k)] += self.precision);
@@ -138,7 +182,10 @@ impl RestrictedLikelihood {
         let variance = pivot(size - 1).powi(2) / freedom + self.least;
         let of_columns: f64 = (0..size - 1).map(|k| 2.0 * pivot(k).ln()).sum();
         let of_prior = self.held as f64 * self.precision.max(f64::MIN_POSITIVE).ln();
-        Some((freedom * variance.ln() + of_columns - of_prior + orders.log_determinant(&self.run), variance))
+        Some((
+            freedom * variance.ln() + of_columns - of_prior + orders.log_determinant(&self.run),
+            variance,
+        ))
     }
 }
 
@@ -148,7 +195,8 @@ const LEAST_FREEDOM: usize = 20;
 /// Share of a free column's products by which they are wrong.
 const ROUNDING: f64 = 1e-10;
 
-/// The partial autocorrelations are searched by their inverse hyperbolic tangents, within this range: 0.999.
+/// The partial autocorrelations are searched by their inverse hyperbolic tangents, within this
+/// range: 0.999.
 const RANGE: f64 = 3.8;
 
 struct NoiseSearch<'e> {
@@ -160,7 +208,8 @@ impl Constraints for NoiseSearch<'_> {
     type Set = ConstraintSet<BoxBounds<Vec<f64>>>;
 
     fn constraints(&self) -> <Self::Set as ConstraintDescription>::Borrowed<'_> {
-        ConstraintSet::new().with_bounds(BoxBounds::new(Some(&self.bounds[0]), Some(&self.bounds[1])))
+        ConstraintSet::new()
+            .with_bounds(BoxBounds::new(Some(&self.bounds[0]), Some(&self.bounds[1])))
     }
 }
 
@@ -177,10 +226,11 @@ impl CostFunction for NoiseSearch<'_> {
 }
 
 impl JointNoise {
-    /// The noise beside which some columns are likeliest to leave what they leave of a target; none where there are too few
-    /// rows to tell.
+    /// The noise beside which some columns are likeliest to leave what they leave of a target; none
+    /// where there are too few rows to tell.
     ///
-    /// - `held`: columns whose factors are expected near zero, and the precision of that, times the variance of the innovations
+    /// - `held`: columns whose factors are expected near zero, and the precision of that, times the
+    ///   variance of the innovations
     /// - `run`: rows right before each row without a gap
     /// - `like`: a noise from which to look for it, too
     /// - `most`: largest correlation of neighbouring rows
@@ -192,7 +242,8 @@ impl JointNoise {
     ) -> Option<Self> {
         /// How far the search looks around at first, in inverse hyperbolic tangents ...
         const FIRST_RADIUS: f64 = 0.5;
-        /// ... and how well it finds them: the likelihood knows a correlation of a hundred rows five times less well.
+        /// ... and how well it finds them: the likelihood knows a correlation of a hundred rows
+        /// five times less well.
         const LAST_RADIUS: f64 = 0.02;
         /// Of the likelihood; what was reached by then counts.
         const MOST_EVALUATIONS: u64 = 300;
@@ -209,8 +260,11 @@ impl JointNoise {
         bounds[1][0] = most.atanh().min(RANGE);
         let end = |start: Vec<f64>| {
             let search = NoiseSearch { equations: &equations, bounds: bounds.clone() };
-            let solver = Bobyqa::new().with_initial_radius(FIRST_RADIUS).with_final_radius(LAST_RADIUS);
-            let run = Executor::new(search, solver, PointState::new(start)).max_cost_evals(MOST_EVALUATIONS).run();
+            let solver =
+                Bobyqa::new().with_initial_radius(FIRST_RADIUS).with_final_radius(LAST_RADIUS);
+            let run = Executor::new(search, solver, PointState::new(start))
+                .max_cost_evals(MOST_EVALUATIONS)
+                .run();
             let best = run.ok()?.best_param().clone();
             noise(best.iter().map(|x| x.tanh()).collect())
         };
@@ -234,7 +288,8 @@ impl JointNoise {
 
 /// A model of all joints' torques, and its noise.
 pub(super) struct Hypothesis<'f> {
-    /// Each with the precision of its factor before any data; of the first ones the robot file says what is known.
+    /// Each with the precision of its factor before any data; of the first ones the robot file says
+    /// what is known.
     columns: Vec<(&'f Column, f64)>,
     target: &'f Column,
     noise: Vec<JointNoise>,
@@ -245,11 +300,17 @@ impl<'f> Hypothesis<'f> {
     ///
     /// - `noise`: of each joint
     pub fn new(fitted: &'f Fitted, noise: Vec<JointNoise>) -> Self {
-        let columns = fitted.columns.iter().map(|column| &**column).zip(fitted.precision.iter().copied()).collect();
+        let columns = fitted
+            .columns
+            .iter()
+            .map(|column| &**column)
+            .zip(fitted.precision.iter().copied())
+            .collect();
         Self { columns, target: &fitted.target, noise }
     }
 
-    /// Of a fit that is the same as another one but at some joints; none where there are too few rows to tell.
+    /// Of a fit that is the same as another one but at some joints; none where there are too few
+    /// rows to tell.
     pub fn like(&self, problem: &Problem, fitted: &'f Fitted, changed: &[usize]) -> Option<Self> {
         let of_joint = |joint: usize| match changed.contains(&joint) {
             true => noise(problem, fitted, joint, (&[], 0.0), Some(&self.noise[joint])),
@@ -268,17 +329,22 @@ impl<'f> Hypothesis<'f> {
     ) -> Option<Self> {
         let known = &self.noise[joint];
         let mut own = Self::new(fitted, self.noise.clone());
-        own.noise[joint] = noise(problem, fitted, joint, (columns, precision * known.variance), Some(known))?;
+        own.noise[joint] =
+            noise(problem, fitted, joint, (columns, precision * known.variance), Some(known))?;
         own.columns.extend(columns.iter().map(|column| (column, precision)));
         Some(own)
     }
 
-    /// Log of the Bayes factor of this hypothesis against another one, each with the one's noise or the other's, whichever
-    /// makes it likelier.
+    /// Log of the Bayes factor of this hypothesis against another one, each with the one's noise or
+    /// the other's, whichever makes it likelier.
     pub fn log_bayes_factor(&self, other: &Self, problem: &Problem) -> Option<f64> {
         let evidence = |own: &Self| {
-            let with = |noise: &[JointNoise]| own.log_evidence(noise, problem.priors.last(), &problem.run);
-            [&self.noise, &other.noise].into_iter().filter_map(|noise| with(noise)).max_by(f64::total_cmp)
+            let with =
+                |noise: &[JointNoise]| own.log_evidence(noise, problem.priors.last(), &problem.run);
+            [&self.noise, &other.noise]
+                .into_iter()
+                .filter_map(|noise| with(noise))
+                .max_by(f64::total_cmp)
         };
         Some(evidence(self)? - evidence(other)?)
     }
@@ -286,11 +352,18 @@ impl<'f> Hypothesis<'f> {
     /// Log of the evidence with some noise, apart from what is the same of every hypothesis.
     ///
     /// - `run`: per joint and row: rows right before it without a gap
-    fn log_evidence(&self, noise: &[JointNoise], file: Option<&FilePrior>, run: &[Vec<usize>]) -> Option<f64> {
+    fn log_evidence(
+        &self,
+        noise: &[JointNoise],
+        file: Option<&FilePrior>,
+        run: &[Vec<usize>],
+    ) -> Option<f64> {
         let Self { columns, target, .. } = self;
         let size = columns.len();
         let mut products = Mat::<f64>::zeros(size + 1, size + 1);
-        for (joint, noise) in noise.iter().enumerate().filter(|(joint, _)| !target[*joint].is_empty()) {
+        for (joint, noise) in
+            noise.iter().enumerate().filter(|(joint, _)| !target[*joint].is_empty())
+        {
             let here: Vec<usize> = (0..size).filter(|k| !columns[*k].0[joint].is_empty()).collect();
             let own = here.iter().map(|k| &columns[*k].0[joint]).chain([&target[joint]]);
             let white: Vec<Vec<f64>> = own.map(|x| noise.whiten(x, &run[joint])).collect();
@@ -312,7 +385,11 @@ impl<'f> Hypothesis<'f> {
         let mut of_columns = 0.0;
         for (k, (_, precision)) in columns.iter().enumerate().skip(of_file) {
             // A column of nothing may have any factor.
-            let precision = if products[(k, k)] + precision > 0.0 { precision.max(f64::MIN_POSITIVE) } else { 1.0 };
+            let precision = if products[(k, k)] + precision > 0.0 {
+                precision.max(f64::MIN_POSITIVE)
+            } else {
+                1.0
+            };
             products[(k, k)] += precision;
             of_columns -= precision.ln();
         }
@@ -321,7 +398,8 @@ impl<'f> Hypothesis<'f> {
         let along = Mat::from_fn(size, 1, |k, _| products[(size, k)]);
         let factors = factor.solve(&along);
         let explained: f64 = (0..size).map(|k| along[(k, 0)] * factors[(k, 0)]).sum();
-        let of_noise: f64 = noise.iter().zip(run).map(|(noise, run)| noise.log_determinant(run)).sum();
+        let of_noise: f64 =
+            noise.iter().zip(run).map(|(noise, run)| noise.log_determinant(run)).sum();
         Some(-0.5 * (products[(size, size)] - explained + of_columns + of_noise))
     }
 }
@@ -347,7 +425,8 @@ fn noise(
     if target.is_empty() {
         return Some(JointNoise { partial: vec![], variance: 1.0 });
     }
-    let free = fitted.columns.iter().map(|column| &column[joint][..]).filter(|column| !column.is_empty());
+    let free =
+        fitted.columns.iter().map(|column| &column[joint][..]).filter(|column| !column.is_empty());
     let held = held.iter().map(|column| &column[joint][..]).filter(|column| !column.is_empty());
     let (free, held): (Vec<&[f64]>, Vec<&[f64]>) = (free.collect(), held.collect());
     let most = largest_correlation(problem, joint);
@@ -361,20 +440,26 @@ mod tests {
     use super::*;
     use sgpr_numeric::internal::Random;
 
-    /// Covariance of all rows, from how an autoregression makes them of its innovations: a run begins so long after the
-    /// beginning of the noise that nothing is left of that.
+    /// Covariance of all rows, from how an autoregression makes them of its innovations: a run
+    /// begins so long after the beginning of the noise that nothing is left of that.
     fn covariance(noise: &JointNoise, run: &[usize]) -> DMatrix<f64> {
         const LONG: usize = 2000;
         let phi = Orders::of(&noise.partial).phi.pop().expect("an order");
         let mut response = vec![1.0];
         while response.len() < LONG {
-            let known = phi.iter().enumerate().filter_map(|(lag, p)| Some(p * response.iter().rev().nth(lag)?));
+            let known = phi
+                .iter()
+                .enumerate()
+                .filter_map(|(lag, p)| Some(p * response.iter().rev().nth(lag)?));
             response.push(known.sum());
         }
-        let of_lag = |lag: usize| response.iter().zip(&response[lag..]).map(|(a, b)| a * b).sum::<f64>();
+        let of_lag =
+            |lag: usize| response.iter().zip(&response[lag..]).map(|(a, b)| a * b).sum::<f64>();
         let of_lags: Vec<f64> = (0..run.len()).map(of_lag).collect();
         let same_run = |a: usize, b: usize| run[a.max(b)] >= a.abs_diff(b);
-        let value = |a: usize, b: usize| if same_run(a, b) { noise.variance * of_lags[a.abs_diff(b)] } else { 0.0 };
+        let value = |a: usize, b: usize| {
+            if same_run(a, b) { noise.variance * of_lags[a.abs_diff(b)] } else { 0.0 }
+        };
         DMatrix::from_fn(run.len(), run.len(), value)
     }
 
@@ -398,23 +483,32 @@ mod tests {
         let (columns, held, target) = ([column(), column()], column(), column());
         let free: Vec<&[f64]> = columns.iter().map(Vec::as_slice).collect();
         let cost = |partial: &[f64]| {
-            let equations = RestrictedLikelihood::new(&free, (&[&held], 0.7), &target, &run).expect("enough rows");
+            let equations = RestrictedLikelihood::new(&free, (&[&held], 0.7), &target, &run)
+                .expect("enough rows");
             equations.cost(partial).expect("positive")
         };
-        // With the variance that it is greatest at the dense one has no part in that but by the rows and the columns.
+        // With the variance that it is greatest at the dense one has no part in that but by the
+        // rows and the columns.
         let dense = |partial: &[f64]| {
             let (_, variance) = cost(partial);
-            let of_unit = covariance(&JointNoise { partial: partial.to_vec(), variance: 1.0 }, &run);
+            let of_unit =
+                covariance(&JointNoise { partial: partial.to_vec(), variance: 1.0 }, &run);
             let z = DVector::from_column_slice(&held);
             let sigma = (of_unit + &z * z.transpose() / 0.7) * variance;
             let x = DMatrix::from_fn(run.len(), 2, |row, k| columns[k][row]);
-            let x = DMatrix::from_columns(&x.column_iter().map(|c| c.normalize()).collect::<Vec<_>>());
+            let x =
+                DMatrix::from_columns(&x.column_iter().map(|c| c.normalize()).collect::<Vec<_>>());
             let inverse = sigma.clone().try_inverse().expect("positive");
             let information = x.transpose() * &inverse * &x;
             let y = DVector::from_column_slice(&target);
-            let factors = information.clone().try_inverse().expect("positive") * x.transpose() * &inverse * &y;
+            let factors = information.clone().try_inverse().expect("positive")
+                * x.transpose()
+                * &inverse
+                * &y;
             let left = &y - &x * factors;
-            log_determinant(&sigma) + log_determinant(&information) + (left.transpose() * inverse * &left)[(0, 0)]
+            log_determinant(&sigma)
+                + log_determinant(&information)
+                + (left.transpose() * inverse * &left)[(0, 0)]
         };
         let partial: [&[f64]; 3] = [&[], &[0.6], &[0.9, -0.5, 0.3]];
         let difference = |of: &dyn Fn(&[f64]) -> f64, k: usize| of(partial[k]) - of(partial[0]);
@@ -428,10 +522,13 @@ mod tests {
     fn what_many_columns_leave_says_what_the_noise_was() {
         let (run, mut random) = ((0..160).collect::<Vec<usize>>(), Random::new(11));
         let truth = JointNoise { partial: vec![0.85], variance: 1.0 };
-        // Slow columns: they take up most of what the noise does, and least squares leave what looks white.
+        // Slow columns: they take up most of what the noise does, and least squares leave what
+        // looks white.
         let wave = |k: usize| -> Vec<f64> {
             let angle = |row: usize| std::f64::consts::TAU * (k / 2) as f64 * row as f64 / 160.0;
-            (0..160).map(|row| if k.is_multiple_of(2) { angle(row).cos() } else { angle(row).sin() }).collect()
+            (0..160)
+                .map(|row| if k.is_multiple_of(2) { angle(row).cos() } else { angle(row).sin() })
+                .collect()
         };
         let columns: Vec<Vec<f64>> = (2..42).map(wave).collect();
         let free: Vec<&[f64]> = columns.iter().map(Vec::as_slice).collect();
@@ -439,12 +536,14 @@ mod tests {
         const DRAWS: usize = 20;
         for _ in 0..DRAWS {
             let target = draw(&mut random, &truth, &run);
-            let own = JointNoise::of(&free, (&[], 0.0), (&target, &run), (None, 0.99)).expect("enough rows");
+            let own = JointNoise::of(&free, (&[], 0.0), (&target, &run), (None, 0.99))
+                .expect("enough rows");
             first += own.partial[0] / DRAWS as f64;
             let basis = Basis::new(columns.iter().map(|column| vec![column.clone()]).collect());
             let mut left = vec![target];
             basis.project_out(&mut left);
-            let products = |lag: usize| left[0].iter().zip(&left[0][lag..]).map(|(a, b)| a * b).sum::<f64>();
+            let products =
+                |lag: usize| left[0].iter().zip(&left[0][lag..]).map(|(a, b)| a * b).sum::<f64>();
             neighbours += products(1) / products(0) / DRAWS as f64;
         }
         assert!((first - 0.85).abs() < 0.2 && neighbours < 0.4, "{first} {neighbours}");
@@ -468,7 +567,8 @@ mod tests {
                 sigma += &z * z.transpose() / precision;
             }
             let y = DVector::from_column_slice(&target[0]);
-            let squares = (y.transpose() * sigma.clone().try_inverse().expect("positive") * &y)[(0, 0)];
+            let squares =
+                (y.transpose() * sigma.clone().try_inverse().expect("positive") * &y)[(0, 0)];
             -0.5 * (log_determinant(&sigma) + squares)
         };
         let own = |count: usize| of(count).log_evidence(&noise, None, &runs).expect("positive");

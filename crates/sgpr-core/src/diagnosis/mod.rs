@@ -1,9 +1,9 @@
 //! Which physical effect a model lacks.
 //!
-//! [`diagnose`] takes a model and the logs it was identified from, and asks of every effect of the catalogue how much of
-//! the leftover torque it explains after projection on what the model can take up by itself. What stands is fitted
-//! jointly, must lower the error on blocks of time that were left out, and is given a probability. The method is described
-//! in `docs/diagnosis.md`.
+//! [`diagnose`] takes a model and the logs it was identified from, and asks of every effect of the
+//! catalogue how much of the leftover torque it explains after projection on what the model can
+//! take up by itself. What stands is fitted jointly, must lower the error on blocks of time that
+//! were left out, and is given a probability. The method is described in `docs/diagnosis.md`.
 
 mod answer;
 mod basis;
@@ -34,8 +34,8 @@ use std::sync::Arc;
 use derive_setters::Setters;
 
 pub use answer::{
-    ByJoint, Detectable, Diagnosis, Finding, FoundParameter, JointErrors, NextExperiment, NotTestable, Ranked, Step,
-    Verdict,
+    ByJoint, Detectable, Diagnosis, Finding, FoundParameter, JointErrors, NextExperiment,
+    NotTestable, Ranked, Step, Verdict,
 };
 pub use described::parameters_of;
 pub use formula::{Formula, FormulaTerm};
@@ -58,8 +58,9 @@ use written::Written;
 pub struct DiagnosisOptions {
     /// Effects to test; those of the library and the caller's own.
     pub catalogue: Vec<Arc<dyn Effect>>,
-    /// Effects to add without a search, as a person wants them: `torque_ripple@joint_2`, `payload_change`,
-    /// `wrist_coupling@joint_6,joint_5`. They are fitted, judged and reported like findings, and stay whatever comes out.
+    /// Effects to add without a search, as a person wants them: `torque_ripple@joint_2`,
+    /// `payload_change`, `wrist_coupling@joint_6,joint_5`. They are fitted, judged and reported
+    /// like findings, and stay whatever comes out.
     pub by_hand: Vec<String>,
 }
 
@@ -77,7 +78,10 @@ pub enum DiagnosisError {
     #[error(transparent)]
     Model(#[from] IdentifyError),
     /// Nothing to fit to.
-    #[error("{rows} usable rows for {parameters} parameters are too few to tell effects apart: record longer")]
+    #[error(
+        "{rows} usable rows for {parameters} parameters are too few to tell effects apart: record \
+         longer"
+    )]
     TooFewRows {
         /// Rows there are.
         rows: usize,
@@ -85,7 +89,10 @@ pub enum DiagnosisError {
         parameters: usize,
     },
     /// Too little time for blocks that are left out.
-    #[error("{seconds:.1} s of training logs are too short to tell effects apart: record {needed:.0} s or more")]
+    #[error(
+        "{seconds:.1} s of training logs are too short to tell effects apart: record {needed:.0} s \
+         or more"
+    )]
     TooShort {
         /// Length of the logs, s.
         seconds: f64,
@@ -94,14 +101,16 @@ pub enum DiagnosisError {
     },
     /// Logs that are not of one arm, with one load.
     #[error(
-        "the logs do not fit one model: a fit to {log} alone leaves {:.1} % of its torque, one to all of them {:.1} %, and they \
-         agree best without {odd}. They are of two robots, have other loads, or columns in another order or unit: leave out what \
-         is not of this arm, or diagnose the logs one by one", left[0], left[1]
+        "the logs do not fit one model: a fit to {log} alone leaves {:.1} % of its torque, one to \
+         all of them {:.1} %, and they agree best without {odd}. They are of two robots, have \
+         other loads, or columns in another order or unit: leave out what is not of this arm, or \
+         diagnose the logs one by one", left[0], left[1]
     )]
     LogsApart {
         /// The log that suffers most from the others.
         log: String,
-        /// What a fit to it alone and one to all logs leave of its torque, %, geometric means of the joints.
+        /// What a fit to it alone and one to all logs leave of its torque, %, geometric means of
+        /// the joints.
         left: [f64; 2],
         /// The log without which the others agree best.
         odd: String,
@@ -131,9 +140,11 @@ impl From<MotionError> for DiagnosisError {
     }
 }
 
-/// Diagnoses `model`, which was identified from `train`; `test` is only looked at for the errors that are reported.
+/// Diagnoses `model`, which was identified from `train`; `test` is only looked at for the errors
+/// that are reported.
 ///
-/// Effects that the model has already, everywhere or at single joints, stay and are refitted with what is found.
+/// Effects that the model has already, everywhere or at single joints, stay and are refitted with
+/// what is found.
 ///
 /// # Errors
 /// If the logs lack a joint or torque, cannot be differentiated, or hold too little.
@@ -150,8 +161,8 @@ pub fn diagnose(
     diagnose_with(model, train, test, options, progress, &|_| ())
 }
 
-/// The same; `ranked` hears of the candidates, best first, as soon as all are ranked: long before the search ends, and also
-/// if it is stopped after that.
+/// The same; `ranked` hears of the candidates, best first, as soon as all are ranked: long before
+/// the search ends, and also if it is stopped after that.
 ///
 /// # Errors
 /// As [`diagnose`].
@@ -169,8 +180,10 @@ pub fn diagnose_with(
     let train = LogSet::sorted(train);
     let train = train.logs();
     let problem = problem(model, train)?;
-    let known: Vec<String> = problem.set.effects().iter().map(|effect| effect.name().into()).collect();
-    let of_ranked = |search: &Search<'_>, ranking: &[Candidate]| ranked(&report::ranked(search, ranking));
+    let known: Vec<String> =
+        problem.set.effects().iter().map(|effect| effect.name().into()).collect();
+    let of_ranked =
+        |search: &Search<'_>, ranking: &[Candidate]| ranked(&report::ranked(search, ranking));
     let mut search = Search::new(problem, &options.catalogue, known, (progress, &of_ranked));
     let start = search.start()?;
     let decision = if wanted.is_empty() {
@@ -186,21 +199,29 @@ pub fn diagnose_with(
         written::written(&search, model, &decision, train)?
     } else {
         let terms = decision.outcome.fitted.terms().to_vec();
-        Written { model: written::identified_again(&search, model, terms, train)?, taken_back: vec![] }
+        Written {
+            model: written::identified_again(&search, model, terms, train)?,
+            taken_back: vec![],
+        }
     };
     report::report(&mut search, model, (&decision, written), test)
 }
 
-/// `model` with the effects of `findings` on top, all parameters refitted to `train`. A model that was identified under
-/// physical consistency stays consistent.
+/// `model` with the effects of `findings` on top, all parameters refitted to `train`. A model that
+/// was identified under physical consistency stays consistent.
 ///
 /// # Errors
 /// As [`diagnose`].
-pub fn add(model: &TorqueModel, findings: &[&Finding], train: &[Recording]) -> Result<TorqueModel, DiagnosisError> {
+pub fn add(
+    model: &TorqueModel,
+    findings: &[&Finding],
+    train: &[Recording],
+) -> Result<TorqueModel, DiagnosisError> {
     let train = LogSet::sorted(train);
     let train = train.logs();
     let problem = problem(model, train)?;
-    let known: Vec<String> = problem.set.effects().iter().map(|effect| effect.name().into()).collect();
+    let known: Vec<String> =
+        problem.set.effects().iter().map(|effect| effect.name().into()).collect();
     let mut search = Search::new(problem, &[], known, (&(), &|_, _| ()));
     let start = search.start()?;
     let mut terms = start.terms().to_vec();

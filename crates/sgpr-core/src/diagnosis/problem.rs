@@ -1,4 +1,5 @@
-//! The logs as equations: rows of every joint, columns of the model and of candidates, all through one filter.
+//! The logs as equations: rows of every joint, columns of the model and of candidates, all through
+//! one filter.
 
 use std::sync::Arc;
 
@@ -13,11 +14,13 @@ use sgpr_predict::internal::{JointRanges, for_each_regressor_block};
 
 use crate::dynamics::{BatchWorkspace, Samples, Workspace, mass_matrix};
 use crate::effects::{Context, Reach, sgn};
-use crate::identification::{BaseParameters, EFFECT_SCALES, JointFactor, ParameterPrior, ParameterSet, Row, WIDTHS};
+use crate::identification::{
+    BaseParameters, EFFECT_SCALES, JointFactor, ParameterPrior, ParameterSet, Row, WIDTHS,
+};
 use crate::linalg::{dot_in_lanes, rms, triangle};
 use crate::model::{
-    AlongMotion, Rigid, Term, TorqueModel, Trajectory, common_clock, nominal_parameters, seconds_since, select_joints,
-    torque_of,
+    AlongMotion, Rigid, Term, TorqueModel, Trajectory, common_clock, nominal_parameters,
+    seconds_since, select_joints, torque_of,
 };
 use crate::motion::{Motion, Processing, all_stretches};
 use crate::recording::Recording;
@@ -33,7 +36,8 @@ const ROWS_PER_CUTOFF: f64 = 2.5;
 /// Folds of the held-out error.
 pub(super) const FOLDS: usize = 5;
 
-/// Longest block of a fold, s. Short logs are cut into so many blocks a fold, of which each has as many periods of the band.
+/// Longest block of a fold, s. Short logs are cut into so many blocks a fold, of which each has as
+/// many periods of the band.
 const LONGEST_BLOCK_S: f64 = 2.0;
 /// Least number of blocks to a fold: a fiftieth of a short log is a block.
 const BLOCKS: f64 = 10.0;
@@ -93,7 +97,9 @@ impl Stretch {
 
 /// From the lowest to the highest value of some ranges.
 pub(super) fn union(ranges: &[[f64; 2]]) -> [f64; 2] {
-    ranges.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], own| [low.min(own[0]), high.max(own[1])])
+    ranges.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], own| {
+        [low.min(own[0]), high.max(own[1])]
+    })
 }
 
 /// A column: per joint its rows, empty where it is zero.
@@ -121,7 +127,8 @@ pub(super) struct Problem {
     pub block_s: f64,
     /// Per joint: largest torque of the logs, if the torque stays at it.
     pub limits: Vec<Option<f64>>,
-    /// How long after a rest the logged torque may still be that of the rest, s; rows there are left out.
+    /// How long after a rest the logged torque may still be that of the rest, s; rows there are
+    /// left out.
     pub after_rest: f64,
     /// Per joint: how long before a reversal it may stick, s; rows there are left out.
     holds: Vec<f64>,
@@ -139,24 +146,31 @@ pub(super) struct Problem {
     ranges: Vec<JointRanges>,
     /// Per joint: median change of speed over the sample in which it reverses, rad/s (m/s).
     pub speed_steps: Vec<f64>,
-    /// The robot file at several widths, for fits that rows are left out of; none before [`Self::believe_file`].
+    /// The robot file at several widths, for fits that rows are left out of; none before
+    /// [`Self::believe_file`].
     pub priors: Vec<FilePrior>,
     /// What depends on the measured motion alone.
     along: Remembered,
 }
 
-/// Torque of an effect, one standard deviation before any data, as a share of what its joint has shown.
+/// Torque of an effect, one standard deviation before any data, as a share of what its joint has
+/// shown.
 const WIDEST_EFFECT: f64 = EFFECT_SCALES[EFFECT_SCALES.len() - 1];
 
 impl Problem {
-    pub fn new(model: &TorqueModel, train: &[Recording], processing: &Processing) -> Result<Self, DiagnosisError> {
+    pub fn new(
+        model: &TorqueModel,
+        train: &[Recording],
+        processing: &Processing,
+    ) -> Result<Self, DiagnosisError> {
         let recordings = select_joints(model.robot(), train)?;
         let quiet = quiet_band(model, &recordings, processing)?;
         let logged = all_stretches(&recordings, processing)?;
         let Some(hz) = quiet else {
             return Self::with_motions(model, logged.clone(), logged, processing, None);
         };
-        let narrow = all_stretches(&recordings, &Processing { cutoff_hz: hz, ..processing.clone() })?;
+        let narrow =
+            all_stretches(&recordings, &Processing { cutoff_hz: hz, ..processing.clone() })?;
         Self::with_motions(model, narrow, logged, processing, quiet)
     }
 
@@ -223,12 +237,14 @@ impl Problem {
         Ok(problem)
     }
 
-    /// Precision before any data of the factor of a term's column: one part of an effect makes, while it acts, torque of the
-    /// size that its joints have shown, and no more than other parts can cancel. Parts that the motion does not tell apart
-    /// would else run off against each other.
+    /// Precision before any data of the factor of a term's column: one part of an effect makes,
+    /// while it acts, torque of the size that its joints have shown, and no more than other parts
+    /// can cancel. Parts that the motion does not tell apart would else run off against each other.
     pub fn precision(&self, column: &Column) -> f64 {
         let (mut own, mut shown) = (0.0, 0.0);
-        for (column, ranges) in column.iter().zip(&self.ranges).filter(|(column, _)| !column.is_empty()) {
+        for (column, ranges) in
+            column.iter().zip(&self.ranges).filter(|(column, _)| !column.is_empty())
+        {
             let acts = column.iter().filter(|x| **x != 0.0).count().max(1) as f64;
             own += dot_in_lanes(column, column) / acts;
             shown += ranges.torque.powi(2);
@@ -236,15 +252,17 @@ impl Problem {
         if shown > 0.0 { own / (shown * WIDEST_EFFECT.powi(2)) } else { 0.0 }
     }
 
-    /// Lets the robot file hold parameters in fits that rows are left out of: bodies with a relative deviation that left-out
-    /// rows choose, friction and offsets by no more than that their torques are of the size of the joint's own.
+    /// Lets the robot file hold parameters in fits that rows are left out of: bodies with a
+    /// relative deviation that left-out rows choose, friction and offsets by no more than that
+    /// their torques are of the size of the joint's own.
     ///
     /// - `columns`: of the base parameters
     pub fn believe_file(&mut self, columns: &[Arc<Column>]) {
         /// Rows of a joint that say how large its torques are.
         const ROWS: usize = 2000;
         let factor = |joint: usize| {
-            let of_joint: Vec<usize> = (0..columns.len()).filter(|&k| !columns[k][joint].is_empty()).collect();
+            let of_joint: Vec<usize> =
+                (0..columns.len()).filter(|&k| !columns[k][joint].is_empty()).collect();
             let step = self.y[joint].len() / ROWS + 1;
             let rows = self.y[joint].len() / step;
             let value = |row: usize, k: usize| match of_joint.get(k) {
@@ -260,7 +278,8 @@ impl Problem {
         let of_file = ParameterPrior::new(robot, &self.set, &self.base, &file, &factors);
         let from = self.base.combine(self.nominal.parameters());
         let prior = |width: &f64| {
-            let of_file = of_file.clone().with_relative_deviation(*width).with_effect_scale(WIDEST_EFFECT);
+            let of_file =
+                of_file.clone().with_relative_deviation(*width).with_effect_scale(WIDEST_EFFECT);
             FilePrior::new(&of_file, &from)
         };
         self.priors = WIDTHS.iter().map(prior).collect();
@@ -279,12 +298,16 @@ impl Problem {
         })
     }
 
-    /// Per joint and row its part of the logs: contiguous, each in one log, about as many as are wanted. A part is far from the
-    /// others in time and in motion, as a log is that nobody has seen.
+    /// Per joint and row its part of the logs: contiguous, each in one log, about as many as are
+    /// wanted. A part is far from the others in time and in motion, as a log is that nobody has
+    /// seen.
     pub fn parts(&self, count: usize) -> Vec<Vec<usize>> {
         let wanted = self.seconds() / count as f64;
-        let counts: Vec<usize> =
-            self.stretches.iter().map(|s| ((s.seconds() / wanted).round() as usize).max(1)).collect();
+        let counts: Vec<usize> = self
+            .stretches
+            .iter()
+            .map(|s| ((s.seconds() / wanted).round() as usize).max(1))
+            .collect();
         let part = |(stretch, sample): &(usize, usize)| {
             let before: usize = counts[..*stretch].iter().sum();
             before + sample * counts[*stretch] / self.stretches[*stretch].motion.len()
@@ -292,7 +315,8 @@ impl Problem {
         self.rows.iter().map(|rows| rows.iter().map(part).collect()).collect()
     }
 
-    /// Whether half of the rows of so many parts are farther from other parts than any row of a block is from other blocks.
+    /// Whether half of the rows of so many parts are farther from other parts than any row of a
+    /// block is from other blocks.
     pub fn are_far(&self, parts: usize) -> bool {
         self.seconds() >= parts as f64 * 2.0 * LONGEST_BLOCK_S
     }
@@ -313,7 +337,8 @@ impl Problem {
 
     fn lay_out_rows(&mut self) {
         let n = self.dof();
-        let blocks = Blocks::new(self.stretches.iter().map(|stretch| &*stretch.motion), self.block_s);
+        let blocks =
+            Blocks::new(self.stretches.iter().map(|stretch| &*stretch.motion), self.block_s);
         self.rows.iter_mut().for_each(Vec::clear);
         self.run.iter_mut().for_each(Vec::clear);
         self.fold.iter_mut().for_each(Vec::clear);
@@ -345,7 +370,9 @@ impl Problem {
                     }
                 }
                 for sample in (0..motion.len()).step_by(stretch.decimation) {
-                    if !settled.contains(&sample) || motion.use_as[sample * n + joint] != Row::Moving || sticks[sample]
+                    if !settled.contains(&sample)
+                        || motion.use_as[sample * n + joint] != Row::Moving
+                        || sticks[sample]
                     {
                         run = 0;
                         continue;
@@ -361,7 +388,9 @@ impl Problem {
 
     /// Leaves the rows of a joint out in which it may stick before it reverses.
     pub fn leave_out_holds(&mut self, holds: &[(usize, f64)]) -> Result<(), DiagnosisError> {
-        self.choose_rows(&|problem| holds.iter().for_each(|(joint, seconds)| problem.holds[*joint] = *seconds))
+        self.choose_rows(&|problem| {
+            holds.iter().for_each(|(joint, seconds)| problem.holds[*joint] = *seconds)
+        })
     }
 
     /// Leaves the rows out for so long after each rest, s.
@@ -386,8 +415,9 @@ impl Problem {
         self.holds[joint] > 0.0
     }
 
-    /// One in the direction of the motion to come while a joint is less than `seconds` before a reversal: what friction
-    /// lacks if the joint sticks there, while the filtered position still creeps to a stop.
+    /// One in the direction of the motion to come while a joint is less than `seconds` before a
+    /// reversal: what friction lacks if the joint sticks there, while the filtered position still
+    /// creeps to a stop.
     pub fn approach_column(&self, joint: usize, seconds: f64) -> Column {
         let n = self.dof();
         let of_stretch = |index: usize, out: &mut [Column]| {
@@ -404,7 +434,10 @@ impl Problem {
     /// Speed that a joint stays below for 95 % of the time, rad/s (m/s).
     fn top_speed(&self, joint: usize) -> f64 {
         let n = self.dof();
-        let all = self.stretches.iter().flat_map(|s| s.motion.dq.iter().skip(joint).step_by(n).map(|dq| dq.abs()));
+        let all = self
+            .stretches
+            .iter()
+            .flat_map(|s| s.motion.dq.iter().skip(joint).step_by(n).map(|dq| dq.abs()));
         let mut speeds: Vec<f64> = all.collect();
         speeds.sort_by(f64::total_cmp);
         speeds.get(speeds.len() * 19 / 20).copied().unwrap_or_default()
@@ -428,9 +461,10 @@ impl Problem {
         Ok(())
     }
 
-    /// Whether a base column is that of an effect of the model, if the robot file has inertias. Where an arm's inertia
-    /// cannot be told from its rotor's, the link keeps that of the file: effects that follow the torque of the gear, which
-    /// the rotor's is not part of, need the two apart.
+    /// Whether a base column is that of an effect of the model, if the robot file has inertias.
+    /// Where an arm's inertia cannot be told from its rotor's, the link keeps that of the file:
+    /// effects that follow the torque of the gear, which the rotor's is not part of, need the two
+    /// apart.
     pub fn is_rotor(&self, column: usize) -> bool {
         let effect = |parameter: &usize| *parameter >= self.set.inertial();
         self.inertias_known && self.base.independent().get(column).is_some_and(effect)
@@ -440,11 +474,14 @@ impl Problem {
     pub fn logged_errors(&self, model: &TorqueModel) -> Vec<ByLog> {
         let n = self.dof();
         let mut sums: Vec<LogSums> = (0..n).map(|_| LogSums::new(self.stretches.len())).collect();
-        let predicted: Vec<Vec<f64>> = self.logged.par_iter().map(|motion| model.predict_motion(motion)).collect();
+        let predicted: Vec<Vec<f64>> =
+            self.logged.par_iter().map(|motion| model.predict_motion(motion)).collect();
         for (index, (motion, predicted)) in self.logged.iter().zip(predicted).enumerate() {
             let measured = motion.tau.as_deref().unwrap_or_default();
             let rows = predicted.iter().zip(measured).zip(&motion.use_as).enumerate();
-            for (k, ((predicted, measured), _)) in rows.filter(|(_, (_, used))| **used == Row::Moving) {
+            for (k, ((predicted, measured), _)) in
+                rows.filter(|(_, (_, used))| **used == Row::Moving)
+            {
                 sums[k % n].add(index, (measured - predicted).powi(2));
             }
         }
@@ -459,7 +496,9 @@ impl Problem {
     /// Per stretch: the rigid body as `model` has it.
     pub fn rigid(&self, model: &TorqueModel) -> Vec<Rigid> {
         let stretches = self.stretches.par_iter().enumerate();
-        stretches.map(|(k, stretch)| model.rigid_with(&stretch.trajectory(), &self.along.along(k))).collect()
+        stretches
+            .map(|(k, stretch)| model.rigid_with(&stretch.trajectory(), &self.along.along(k)))
+            .collect()
     }
 
     /// Per stretch: what effects may depend on.
@@ -469,7 +508,11 @@ impl Problem {
     }
 
     /// Columns to which `of_stretch` appends the rows of one stretch, on all cores.
-    fn by_stretch(&self, width: usize, of_stretch: impl Fn(usize, &mut [Column]) + Sync) -> Vec<Column> {
+    fn by_stretch(
+        &self,
+        width: usize,
+        of_stretch: impl Fn(usize, &mut [Column]) + Sync,
+    ) -> Vec<Column> {
         let none = || vec![vec![vec![]; self.dof()]; width];
         let rows = |index: usize| {
             let mut rows = none();
@@ -486,8 +529,15 @@ impl Problem {
         columns
     }
 
-    /// Filters full-rate columns of a joint, `[samples, width]` row-major, and appends their rows to `out`.
-    fn append(&self, model: &TorqueModel, (index, joint): (usize, usize), values: &mut [f64], out: &mut [Column]) {
+    /// Filters full-rate columns of a joint, `[samples, width]` row-major, and appends their rows
+    /// to `out`.
+    fn append(
+        &self,
+        model: &TorqueModel,
+        (index, joint): (usize, usize),
+        values: &mut [f64],
+        out: &mut [Column],
+    ) {
         let width = out.len();
         let stretch = &self.stretches[index];
         if values.iter().any(|value| *value != 0.0) {
@@ -498,7 +548,13 @@ impl Problem {
     }
 
     /// The same of all joints, `[samples, joints, width]`: the filter takes them together.
-    fn append_all(&self, model: &TorqueModel, index: usize, values: &mut [f64], out: &mut [Column]) {
+    fn append_all(
+        &self,
+        model: &TorqueModel,
+        index: usize,
+        values: &mut [f64],
+        out: &mut [Column],
+    ) {
         let (n, width) = (self.dof(), out.len());
         let stretch = &self.stretches[index];
         if model.terms().iter().any(Term::is_transform) {
@@ -518,21 +574,37 @@ impl Problem {
         if values.iter().any(|value| *value != 0.0) {
             stretch.filter.apply(values, n * width).expect("a stretch is longer than the filter");
         }
-        (0..n).for_each(|joint| self.pick(index, joint, |sample, k| values[(sample * n + joint) * width + k], out));
+        (0..n).for_each(|joint| {
+            self.pick(index, joint, |sample, k| values[(sample * n + joint) * width + k], out)
+        });
     }
 
     /// Appends the rows that a joint has in a stretch to `out`, value (sample, column).
-    fn pick(&self, index: usize, joint: usize, value: impl Fn(usize, usize) -> f64, out: &mut [Column]) {
+    fn pick(
+        &self,
+        index: usize,
+        joint: usize,
+        value: impl Fn(usize, usize) -> f64,
+        out: &mut [Column],
+    ) {
         let rows = &self.rows[joint];
-        let own = rows.partition_point(|row| row.0 < index)..rows.partition_point(|row| row.0 <= index);
+        let own =
+            rows.partition_point(|row| row.0 < index)..rows.partition_point(|row| row.0 <= index);
         out.iter_mut().for_each(|column| column[joint].reserve(own.len()));
         for (_, sample) in &rows[own] {
-            out.iter_mut().enumerate().for_each(|(k, column)| column[joint].push(value(*sample, k)));
+            out.iter_mut()
+                .enumerate()
+                .for_each(|(k, column)| column[joint].push(value(*sample, k)));
         }
     }
 
     /// Columns of the base parameters, rank of them, under the transforms of `model`.
-    pub fn base_columns(&self, base: &BaseParameters, model: &TorqueModel, rigid: &[Rigid]) -> Vec<Column> {
+    pub fn base_columns(
+        &self,
+        base: &BaseParameters,
+        model: &TorqueModel,
+        rigid: &[Rigid],
+    ) -> Vec<Column> {
         let n = self.dof();
         let robot = model.robot();
         let inertial = self.set.inertial();
@@ -541,7 +613,8 @@ impl Problem {
             let samples = stretch.motion.len();
             let trajectory = stretch.trajectory();
             let links = rigid.motion.as_ref();
-            let motion = links.map_or(trajectory.samples, |m| Samples { q: &m.q, dq: &m.dq, ddq: &m.ddq });
+            let motion =
+                links.map_or(trajectory.samples, |m| Samples { q: &m.q, dq: &m.dq, ddq: &m.ddq });
             let mut of_joint: Vec<Vec<usize>> = vec![vec![]; n];
             for (column, &parameter) in base.independent().iter().enumerate() {
                 for (joint, own) in of_joint.iter_mut().enumerate() {
@@ -554,7 +627,8 @@ impl Problem {
                     }
                 }
             }
-            let mut tables: Vec<Vec<f64>> = of_joint.iter().map(|own| vec![0.0; samples * own.len()]).collect();
+            let mut tables: Vec<Vec<f64>> =
+                of_joint.iter().map(|own| vec![0.0; samples * own.len()]).collect();
             // Per joint and link: (parameter of the link, position in the row).
             let place = |joint: usize, link: usize| -> Vec<(usize, usize)> {
                 let own = of_joint[joint].iter().enumerate();
@@ -590,14 +664,20 @@ impl Problem {
                     .enumerate()
                     .filter_map(|(position, column)| {
                         let parameter = base.independent()[*column];
-                        parameters.iter().position(|own| *own == parameter).map(|index| (index, position))
+                        parameters
+                            .iter()
+                            .position(|own| *own == parameter)
+                            .map(|index| (index, position))
                     })
                     .collect();
                 for k in 0..samples {
                     self.set.effect_row(joint, &context.state(k), &mut values);
-                    wanted.iter().for_each(|&(index, at)| tables[joint][k * width + at] = values[index]);
+                    wanted
+                        .iter()
+                        .for_each(|&(index, at)| tables[joint][k * width + at] = values[index]);
                 }
-                let mut out: Vec<Column> = of_joint[joint].iter().map(|_| vec![vec![]; n]).collect();
+                let mut out: Vec<Column> =
+                    of_joint[joint].iter().map(|_| vec![vec![]; n]).collect();
                 self.append(model, (index, joint), &mut tables[joint], &mut out);
                 for (own, out) in of_joint[joint].iter().zip(&mut out) {
                     columns[*own][joint].append(&mut out[joint]);
@@ -607,14 +687,20 @@ impl Problem {
         self.by_stretch(base.rank(), of_stretch)
     }
 
-    /// The torque less that of the model's parameters as they were, under the transforms of `model`.
+    /// The torque less that of the model's parameters as they were, under the transforms of
+    /// `model`.
     pub fn target(&self, model: &TorqueModel, rigid: &[Rigid]) -> Column {
         let of_stretch = |index: usize, out: &mut [Column]| {
-            let mut torque = self.nominal.torque_under(&rigid[index], &self.stretches[index].trajectory());
+            let mut torque =
+                self.nominal.torque_under(&rigid[index], &self.stretches[index].trajectory());
             self.append_all(model, index, &mut torque, out);
         };
         let known = self.by_stretch(1, of_stretch).swap_remove(0);
-        self.y.iter().zip(known).map(|(y, known)| y.iter().zip(known).map(|(y, k)| y - k).collect()).collect()
+        self.y
+            .iter()
+            .zip(known)
+            .map(|(y, known)| y.iter().zip(known).map(|(y, k)| y - k).collect())
+            .collect()
     }
 
     /// Columns of the linear parameters of a term that enters by columns.
@@ -627,9 +713,19 @@ impl Problem {
             match term.effect.reach() {
                 Reach::Own => {
                     let joint = term.site.joint().expect("it reaches its own joint");
-                    self.append(model, (index, joint), &mut interleaved(&columns, context.len()), out);
+                    self.append(
+                        model,
+                        (index, joint),
+                        &mut interleaved(&columns, context.len()),
+                        out,
+                    );
                 }
-                Reach::All => self.append_all(model, index, &mut interleaved(&columns, n * context.len()), out),
+                Reach::All => self.append_all(
+                    model,
+                    index,
+                    &mut interleaved(&columns, n * context.len()),
+                    out,
+                ),
             }
         };
         match term.effect.parameters().len() {
@@ -638,7 +734,8 @@ impl Problem {
         }
     }
 
-    /// Slope of the torque of a term that enters by columns over one of its constants, between two values of it.
+    /// Slope of the torque of a term that enters by columns over one of its constants, between two
+    /// values of it.
     pub fn slope(
         &self,
         model: &TorqueModel,
@@ -658,7 +755,10 @@ impl Problem {
                 let factor = sign * factor / (high - low);
                 for (slope, rows) in slope.iter_mut().zip(column) {
                     slope.resize(rows.len(), 0.0);
-                    slope.iter_mut().zip(rows).for_each(|(slope, x): (&mut f64, _)| *slope += factor * x);
+                    slope
+                        .iter_mut()
+                        .zip(rows)
+                        .for_each(|(slope, x): (&mut f64, _)| *slope += factor * x);
                 }
             }
         }
@@ -676,7 +776,8 @@ impl Problem {
         self.by_stretch(1, of_stretch).swap_remove(0)
     }
 
-    /// Columns that take up what is wrong with sgn(dq) near reversals, two per joint with dry friction.
+    /// Columns that take up what is wrong with sgn(dq) near reversals, two per joint with dry
+    /// friction.
     pub fn reversal_columns(
         &self,
         model: &TorqueModel,
@@ -719,7 +820,9 @@ impl Problem {
     pub fn range_by_stretch(&self, joint: usize) -> Vec<[f64; 2]> {
         let positions = |stretch: &Stretch| -> [f64; 2] {
             let own = stretch.motion.q.iter().skip(joint).step_by(self.dof());
-            own.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], q| [low.min(*q), high.max(*q)])
+            own.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], q| {
+                [low.min(*q), high.max(*q)]
+            })
         };
         self.stretches.iter().map(positions).collect()
     }
@@ -742,10 +845,13 @@ impl Problem {
 
     fn speed_step(&self, joint: usize) -> f64 {
         let n = self.dof();
-        let speeds =
-            |stretch: &Stretch| -> Vec<f64> { stretch.motion.dq.iter().skip(joint).step_by(n).copied().collect() };
+        let speeds = |stretch: &Stretch| -> Vec<f64> {
+            stretch.motion.dq.iter().skip(joint).step_by(n).copied().collect()
+        };
         let reverses = |pair: &[f64]| (pair[0] * pair[1] < 0.0).then(|| (pair[1] - pair[0]).abs());
-        let steps = |stretch: &Stretch| -> Vec<f64> { speeds(stretch).windows(2).filter_map(reverses).collect() };
+        let steps = |stretch: &Stretch| -> Vec<f64> {
+            speeds(stretch).windows(2).filter_map(reverses).collect()
+        };
         let mut steps: Vec<f64> = self.stretches.iter().flat_map(steps).collect();
         steps.sort_by(f64::total_cmp);
         steps.get(steps.len() / 2).copied().unwrap_or_default()
@@ -774,8 +880,9 @@ impl Stretch {
     }
 }
 
-/// Samples at which a joint sticks, or hardly moves for longer than its acceleration before and after explains: while it
-/// does, dry friction holds it with any torque up to the Coulomb level, and no model can say which.
+/// Samples at which a joint sticks, or hardly moves for longer than its acceleration before and
+/// after explains: while it does, dry friction holds it with any torque up to the Coulomb level,
+/// and no model can say which.
 ///
 /// - `smear`: how far the filter of the equation carries the torque of such a moment, s
 fn sticking(motion: &Motion, joint: usize, top_speed: f64, smear: f64) -> Vec<bool> {
@@ -826,11 +933,12 @@ fn until_reversal(motion: &Motion, joint: usize) -> Vec<f64> {
     times
 }
 
-/// A band, Hz, in which the noise of the positions makes less torque than the noise of the torque, if that of the model
-/// is much wider. Beyond it the acceleration is noise, and what smooths the prediction, a lag, would seem to be missing.
+/// A band, Hz, in which the noise of the positions makes less torque than the noise of the torque,
+/// if that of the model is much wider. Beyond it the acceleration is noise, and what smooths the
+/// prediction, a lag, would seem to be missing.
 ///
-/// White noise of the position with standard deviation s at rate f leaves (2 pi)² s sqrt(2 B⁵ / (5 f)) in the
-/// acceleration below B, white noise of the torque t sqrt(2 B / f).
+/// White noise of the position with standard deviation s at rate f leaves (2 pi)² s sqrt(2 B⁵ / (5
+/// f)) in the acceleration below B, white noise of the torque t sqrt(2 B / f).
 fn quiet_band(
     model: &TorqueModel,
     recordings: &[Recording],
@@ -852,7 +960,10 @@ fn quiet_band(
     let names = model.parameter_set().names();
     for joint in 0..n {
         let name = format!("{}.Ia", robot.joints()[joint].name);
-        let rotor = names.iter().position(|own| *own == name).map_or(0.0, |index| model.parameters()[index]);
+        let rotor = names
+            .iter()
+            .position(|own| *own == name)
+            .map_or(0.0, |index| model.parameters()[index]);
         let (mut mass, mut count) = (0.0, 0.0);
         let mut differences: Vec<f64> = Vec::new();
         for recording in recordings {
@@ -880,7 +991,8 @@ fn quiet_band(
     Ok((processing.cutoff_hz > MUCH * band).then_some(band))
 }
 
-/// The largest torque of a joint in the logs, if it stays there again and again: a limit of drive or logger.
+/// The largest torque of a joint in the logs, if it stays there again and again: a limit of drive
+/// or logger.
 fn flat_top(stretches: &[Stretch], joint: usize) -> Option<f64> {
     /// As many samples in a row are no chance ...
     const RUN: usize = 4;
@@ -888,11 +1000,19 @@ fn flat_top(stretches: &[Stretch], joint: usize) -> Option<f64> {
     const SHARE: f64 = 0.002;
     let of_joint = |stretch: &Stretch| -> Vec<f64> {
         let n = stretch.motion.use_as.len() / stretch.motion.len().max(1);
-        stretch.motion.tau.iter().flat_map(|tau| tau.iter().skip(joint).step_by(n.max(1)).map(|t| t.abs())).collect()
+        stretch
+            .motion
+            .tau
+            .iter()
+            .flat_map(|tau| tau.iter().skip(joint).step_by(n.max(1)).map(|t| t.abs()))
+            .collect()
     };
     let all: Vec<Vec<f64>> = stretches.iter().map(of_joint).collect();
     let limit = all.iter().flatten().copied().fold(0.0, f64::max);
-    let runs = all.iter().flat_map(|tau| tau.chunk_by(|a, b| a == b)).filter(|run| run[0] == limit && run.len() >= RUN);
+    let runs = all
+        .iter()
+        .flat_map(|tau| tau.chunk_by(|a, b| a == b))
+        .filter(|run| run[0] == limit && run.len() >= RUN);
     let flat: usize = runs.map(<[f64]>::len).sum();
     let samples: usize = all.iter().map(Vec::len).sum();
     (limit > 0.0 && flat as f64 > SHARE * samples as f64).then_some(limit)
@@ -904,9 +1024,14 @@ const POSES: usize = 200;
 /// Median of the absolute value of a standard normal variable.
 const MEDIAN_OF_NORMAL: f64 = 0.6745;
 
-/// Whether links of the robot file can be those of the arm: at some joint they make a tenth or more of the torque that links
-/// make which take all that rotors need not. If not, the file has placeholders.
-fn are_of_this_arm(with_file: &TorqueModel, with_links: &TorqueModel, stretches: &[Stretch]) -> bool {
+/// Whether links of the robot file can be those of the arm: at some joint they make a tenth or more
+/// of the torque that links make which take all that rotors need not. If not, the file has
+/// placeholders.
+fn are_of_this_arm(
+    with_file: &TorqueModel,
+    with_links: &TorqueModel,
+    stretches: &[Stretch],
+) -> bool {
     /// A tenth.
     const PART: f64 = 0.1;
     let n = with_file.robot().dof();
@@ -922,20 +1047,25 @@ fn are_of_this_arm(with_file: &TorqueModel, with_links: &TorqueModel, stretches:
     of_file.iter().zip(&of_links).any(|(file, links)| *file >= PART * PART * links)
 }
 
-/// A robot of the same kind without what makes parameters of an arm invisible: axes that are parallel, cross or stand
-/// upright. An arm that leans, or a link that is longer, shows more parameters than the robot file's does.
+/// A robot of the same kind without what makes parameters of an arm invisible: axes that are
+/// parallel, cross or stand upright. An arm that leans, or a link that is longer, shows more
+/// parameters than the robot file's does.
 fn generic(robot: &crate::robot::Robot) -> crate::robot::Robot {
     let gravity = robot.gravity();
     let size = 0.05 * gravity.dot(gravity).sqrt();
     (0..robot.dof())
         .fold(robot.clone(), |robot, joint| {
             let step = joint as f64;
-            robot.with_placement_moved(joint, Vector3::new(0.011 + 0.003 * step, 0.017 - 0.002 * step, 0.013))
+            robot.with_placement_moved(
+                joint,
+                Vector3::new(0.011 + 0.003 * step, 0.017 - 0.002 * step, 0.013),
+            )
         })
         .with_gravity(gravity + Vector3::new(size, 0.7 * size, 0.3 * size))
 }
 
-/// What lies between the torque of a joint and its log, applied to columns, `[samples, width]` row-major.
+/// What lies between the torque of a joint and its log, applied to columns, `[samples, width]`
+/// row-major.
 fn transmit(model: &TorqueModel, joint: usize, rate_hz: f64, values: &mut [f64], width: usize) {
     for term in model.terms().iter().filter(|term| term.is_transform()) {
         term.effect.transmit(term.site, &term.constants, joint, rate_hz, values, width);

@@ -20,7 +20,8 @@ fn bits(values: &[f64]) -> Vec<u64> {
     values.iter().map(|value| value.to_bits()).collect()
 }
 
-/// Values along stretches of motion by what they are of and the index of the stretch, as long as there is room.
+/// Values along stretches of motion by what they are of and the index of the stretch, as long as
+/// there is room.
 #[derive(Debug)]
 struct Store<K, V>(Mutex<StoredValues<K, V>>);
 
@@ -89,7 +90,9 @@ pub(super) struct Along<'a> {
 
 impl AlongMotion for Along<'_> {
     fn columns(&self, term: &Term, context: &Context<'_>) -> Arc<Vec<Vec<f64>>> {
-        let of_motion = term.effect.reach() == Reach::Own && !term.is_transform() && !term.effect.follows_torque();
+        let of_motion = term.effect.reach() == Reach::Own
+            && !term.is_transform()
+            && !term.effect.follows_torque();
         let make = || term.columns(context);
         if !of_motion {
             return make().into();
@@ -100,7 +103,11 @@ impl AlongMotion for Along<'_> {
 
     fn effects(&self, model: &TorqueModel, samples: Samples<'_>) -> Arc<Vec<f64>> {
         let of_effects = &model.parameters()[model.parameter_set().inertial()..];
-        self.remembered.effects.get((bits(of_effects), self.stretch), || model.effects_along(samples), Vec::len)
+        self.remembered.effects.get(
+            (bits(of_effects), self.stretch),
+            || model.effects_along(samples),
+            Vec::len,
+        )
     }
 }
 
@@ -114,23 +121,32 @@ mod tests {
     #[test]
     fn what_is_remembered_changes_no_torque() {
         let term = |name: &str, site, constants: &[f64], factor: f64| {
-            let mut term = Term::new(by_name(name).expect("in the library"), site, constants.to_vec());
+            let mut term =
+                Term::new(by_name(name).expect("in the library"), site, constants.to_vec());
             term.coefficients.fill(factor);
             term
         };
         let wave = |k: usize, rate: f64| (0..200).map(move |t| (rate * (t + 37 * k) as f64).sin());
-        let of = |rate: f64| -> Vec<f64> { wave(0, rate).zip(wave(1, rate)).flat_map(|(a, b)| [a, b]).collect() };
+        let of = |rate: f64| -> Vec<f64> {
+            wave(0, rate).zip(wave(1, rate)).flat_map(|(a, b)| [a, b]).collect()
+        };
         let (q, dq, ddq) = (of(0.05), of(0.07), of(0.11));
-        let along =
-            Trajectory { samples: Samples { q: &q, dq: &dq, ddq: &ddq }, rate_hz: 100.0, time: &[], channels: &[] };
+        let along = Trajectory {
+            samples: Samples { q: &q, dq: &dq, ddq: &ddq },
+            rate_hz: 100.0,
+            time: &[],
+            channels: &[],
+        };
         let remembered = Remembered::default();
         let robot = two_link();
         for friction in [0.3, 0.4] {
             let parameters = [robot.standard_parameters(), vec![friction; 4]].concat();
             let effects = ["viscous_friction", "coulomb_friction"];
-            let model = TorqueModel::with_parameters(&robot, &effects, parameters).expect("parameters of both effects");
+            let model = TorqueModel::with_parameters(&robot, &effects, parameters)
+                .expect("parameters of both effects");
             for tilt in [0.0, 0.1] {
-                // One that follows the motion, one that follows the torque, and one that moves gravity.
+                // One that follows the motion, one that follows the torque, and one that moves
+                // gravity.
                 let terms = vec![
                     term("presliding_friction", Site::Joint(0), &[0.02], 0.7),
                     term("load_dependent_friction", Site::Joint(1), &[], 0.1),

@@ -1,4 +1,5 @@
-//! Structure that no effect of the catalogue explains: a Gaussian process on what is left, by groups of variables.
+//! Structure that no effect of the catalogue explains: a Gaussian process on what is left, by
+//! groups of variables.
 
 use std::sync::Arc;
 
@@ -40,21 +41,29 @@ impl Group {
 
     /// Positions and speeds of a joint and its neighbours.
     pub fn whole(joint: usize, n: usize) -> Self {
-        let [positions, speeds] =
-            [Position, Speed].map(|variable| neighbours(joint, n).map(variable).collect::<Vec<_>>());
+        let [positions, speeds] = [Position, Speed]
+            .map(|variable| neighbours(joint, n).map(variable).collect::<Vec<_>>());
         Self::of(&[&[Position(joint), Speed(joint)], &positions[..], &speeds].concat())
     }
 
     /// All that are tried at a joint.
     fn all(joint: usize, n: usize) -> Vec<Self> {
         let (q, dq) = (Position(joint), Speed(joint));
-        let times = |factors: &[Variable], of: &[Variable]| Self { factors: factors.to_vec(), of: of.to_vec() };
-        let mut groups = vec![Self::of(&[q]), Self::of(&[dq]), Self::of(&[q, dq]), Self::of(&[Time])];
+        let times = |factors: &[Variable], of: &[Variable]| Self {
+            factors: factors.to_vec(),
+            of: of.to_vec(),
+        };
+        let mut groups =
+            vec![Self::of(&[q]), Self::of(&[dq]), Self::of(&[q, dq]), Self::of(&[Time])];
         groups.extend([times(&[dq], &[q]), times(&[dq, dq], &[q])]);
         for other in (0..n).filter(|other| *other != joint) {
             let (p, dp) = (Position(other), Speed(other));
             groups.extend([[p, dp], [q, p], [q, dp], [dq, p], [dq, dp]].map(|of| Self::of(&of)));
-            groups.extend([times(&[dq], &[q, p]), times(&[dp], &[q, p]), times(&[dq, dp], &[q, p])]);
+            groups.extend([
+                times(&[dq], &[q, p]),
+                times(&[dp], &[q, p]),
+                times(&[dq, dp], &[q, p]),
+            ]);
         }
         groups.push(Self::whole(joint, n));
         groups
@@ -79,7 +88,9 @@ impl Group {
         };
         let list = |variables: &[Variable]| variables.iter().map(word).collect::<Vec<String>>();
         let mut words = list(&self.factors);
-        words.extend(list(&self.of).into_iter().filter(|word| !words.contains(word)).collect::<Vec<_>>());
+        words.extend(
+            list(&self.of).into_iter().filter(|word| !words.contains(word)).collect::<Vec<_>>(),
+        );
         words.dedup();
         words.join(", ")
     }
@@ -92,11 +103,13 @@ fn neighbours(joint: usize, n: usize) -> impl Iterator<Item = usize> {
 /// Random features per group (Rahimi and Recht (2007)).
 const FEATURES: usize = 30;
 
-/// Length scales of the processes, in standard deviations of their variables: about as smooth as the motion, and sharper;
-/// of one position or speed alone, for which there are enough features, as sharp as a ripple.
+/// Length scales of the processes, in standard deviations of their variables: about as smooth as
+/// the motion, and sharper; of one position or speed alone, for which there are enough features, as
+/// sharp as a ripple.
 const LENGTH_SCALES: [f64; 3] = [1.0, 0.35, 0.1];
 
-/// Largest standard deviation of a process, in root mean squares of what is left: functions that cancel each other are none.
+/// Largest standard deviation of a process, in root mean squares of what is left: functions that
+/// cancel each other are none.
 const LARGEST: f64 = 3.0;
 
 /// What is left at a joint.
@@ -123,10 +136,15 @@ pub(super) const IMPROBABLE: f64 = 0.05;
 /// Share of a joint's left-out error that is worth a word: a twentieth.
 pub(super) const MATTERS: f64 = 0.05;
 
-/// Features of a group at a joint: cosines of random combinations of the standardised variables, times the factors. They
-/// are as smooth as the motion, and what the filter of the equations takes out of that is nothing. None for a function of
-/// time if the logs have no common clock.
-pub(super) fn features(problem: &Problem, joint: usize, group: &Group, length_scale: f64) -> Vec<Column> {
+/// Features of a group at a joint: cosines of random combinations of the standardised variables,
+/// times the factors. They are as smooth as the motion, and what the filter of the equations takes
+/// out of that is nothing. None for a function of time if the logs have no common clock.
+pub(super) fn features(
+    problem: &Problem,
+    joint: usize,
+    group: &Group,
+    length_scale: f64,
+) -> Vec<Column> {
     let n = problem.dof();
     let Group { factors, of } = group;
     if of.contains(&Time) && problem.clock.is_none() {
@@ -143,7 +161,8 @@ pub(super) fn features(problem: &Problem, joint: usize, group: &Group, length_sc
     };
     let standardised = |variable: &Variable| -> Vec<f64> {
         let values: Vec<f64> = rows.iter().map(|at| value(at, *variable)).collect();
-        let (sum, squares) = values.iter().fold((0.0, 0.0), |(sum, squares), x| (sum + x, squares + x * x));
+        let (sum, squares) =
+            values.iter().fold((0.0, 0.0), |(sum, squares), x| (sum + x, squares + x * x));
         let count = f64::max(values.len() as f64, 1.0);
         let mean = sum / count;
         let std = (squares / count - mean * mean).max(1e-18).sqrt();
@@ -157,8 +176,10 @@ pub(super) fn features(problem: &Problem, joint: usize, group: &Group, length_sc
             (weights, std::f64::consts::TAU * random.uniform())
         })
         .collect();
-    let factor = |at: &(usize, usize)| factors.iter().map(|variable| value(at, *variable)).product::<f64>();
-    let factors: Vec<f64> = if factors.is_empty() { vec![] } else { rows.iter().map(factor).collect() };
+    let factor =
+        |at: &(usize, usize)| factors.iter().map(|variable| value(at, *variable)).product::<f64>();
+    let factors: Vec<f64> =
+        if factors.is_empty() { vec![] } else { rows.iter().map(factor).collect() };
     let mut columns = vec![vec![vec![]; n]; FEATURES];
     for (column, (weights, phase)) in columns.iter_mut().zip(&draws) {
         let mut along = vec![*phase; rows.len()];
@@ -172,8 +193,8 @@ pub(super) fn features(problem: &Problem, joint: usize, group: &Group, length_sc
     columns
 }
 
-/// A Gaussian process at a joint, by products of its whitened columns. They are made anew when they are asked for: hundreds
-/// of processes are tried, and few of them are looked at again.
+/// A Gaussian process at a joint, by products of its whitened columns. They are made anew when they
+/// are asked for: hundreds of processes are tried, and few of them are looked at again.
 #[derive(Clone, Debug, Default)]
 struct Process {
     group: Group,
@@ -187,8 +208,8 @@ struct Process {
     target: Vec<f64>,
 }
 
-/// The Gaussian processes that are tried on what a fit leaves at a joint, and how each goes with the columns of the fit. What
-/// speaks for a process beside any part of the fit follows from that.
+/// The Gaussian processes that are tried on what a fit leaves at a joint, and how each goes with
+/// the columns of the fit. What speaks for a process beside any part of the fit follows from that.
 pub(super) struct Processes {
     joint: usize,
     noise: Noise,
@@ -215,12 +236,18 @@ fn side_by_side(columns: &[&[f64]]) -> Mat<f64> {
 
 impl Processes {
     pub fn new(problem: &Problem, fitted: &Fitted, noise: &Noise, joint: usize) -> Self {
-        let empty = |(group, length_scale): (Group, f64)| Process { group, length_scale, ..Default::default() };
+        let empty = |(group, length_scale): (Group, f64)| Process {
+            group,
+            length_scale,
+            ..Default::default()
+        };
         let groups = Group::all(joint, problem.dof()).into_iter();
-        let scaled = |group: Group| group.length_scales().iter().map(move |scale| (group.clone(), *scale));
+        let scaled =
+            |group: Group| group.length_scales().iter().map(move |scale| (group.clone(), *scale));
         let all = groups.flat_map(scaled).map(empty);
         let none = Arc::new(Column::default());
-        let nothing = Self { joint, noise: noise.clone(), target: none, columns: vec![], all: all.collect() };
+        let nothing =
+            Self { joint, noise: noise.clone(), target: none, columns: vec![], all: all.collect() };
         let mut own = nothing.beside(problem, fitted, noise);
         own.all.retain(|process| !process.target.is_empty());
         own
@@ -230,20 +257,35 @@ impl Processes {
     fn beside(&self, problem: &Problem, fitted: &Fitted, noise: &Noise) -> Self {
         let all = self.products_beside(problem, fitted, noise, &self.all);
         let columns = fitted.basis.independent().to_vec();
-        Self { joint: self.joint, noise: noise.clone(), target: fitted.target.clone(), columns, all }
+        Self {
+            joint: self.joint,
+            noise: noise.clone(),
+            target: fitted.target.clone(),
+            columns,
+            all,
+        }
     }
 
-    fn products_beside(&self, problem: &Problem, fitted: &Fitted, noise: &Noise, some: &[Process]) -> Vec<Process> {
+    fn products_beside(
+        &self,
+        problem: &Problem,
+        fitted: &Fitted,
+        noise: &Noise,
+        some: &[Process],
+    ) -> Vec<Process> {
         let joint = self.joint;
         let same_noise = self.noise == *noise;
         let same_target = same_noise && Arc::ptr_eq(&self.target, &fitted.target);
         let columns = fitted.basis.independent();
-        let place = |own: &Arc<Column>| self.columns.iter().position(|other| Arc::ptr_eq(own, other));
+        let place =
+            |own: &Arc<Column>| self.columns.iter().position(|other| Arc::ptr_eq(own, other));
         let places: Vec<Option<usize>> = columns.iter().map(place).collect();
         let acts = |k: &usize| !columns[*k][joint].is_empty();
-        let new: Vec<usize> = (0..columns.len()).filter(|k| places[*k].is_none()).filter(acts).collect();
+        let new: Vec<usize> =
+            (0..columns.len()).filter(|k| places[*k].is_none()).filter(acts).collect();
         let target = if same_target { vec![] } else { noise.whiten(problem, &fitted.target) };
-        let beside = new.iter().map(|k| &columns[*k][joint]).chain(target.get(joint)).map(Vec::as_slice);
+        let beside =
+            new.iter().map(|k| &columns[*k][joint]).chain(target.get(joint)).map(Vec::as_slice);
         let beside = side_by_side(&beside.collect::<Vec<_>>());
         let one = |known: &Process| {
             let across = |feature: usize| -> Vec<f64> {
@@ -251,20 +293,32 @@ impl Processes {
                 places.iter().map(|at| at.zip(known).map_or(0.0, |(at, known)| known[at])).collect()
             };
             if beside.ncols() == 0 && !known.target.is_empty() {
-                return Process { across: (0..known.across.len()).map(across).collect(), ..known.clone() };
+                return Process {
+                    across: (0..known.across.len()).map(across).collect(),
+                    ..known.clone()
+                };
             }
             let own = features(problem, joint, &known.group, known.length_scale);
             if own.is_empty() {
                 return known.clone();
             }
             let of_unit_variance = own.iter().map(|column| mean_square(&column[joint])).sum();
-            let white: Vec<Column> = own.iter().map(|column| noise.whiten(problem, column)).collect();
+            let white: Vec<Column> =
+                own.iter().map(|column| noise.whiten(problem, column)).collect();
             drop(own);
-            let z = side_by_side(&white.iter().map(|column| &column[joint][..]).collect::<Vec<_>>());
+            let z =
+                side_by_side(&white.iter().map(|column| &column[joint][..]).collect::<Vec<_>>());
             let k = white.len();
             let products = |other: &Mat<f64>| {
                 let mut products = Mat::<f64>::zeros(k, other.ncols());
-                matmul(products.as_mut(), Accum::Replace, z.transpose(), other.as_ref(), 1.0, Par::Seq);
+                matmul(
+                    products.as_mut(),
+                    Accum::Replace,
+                    z.transpose(),
+                    other.as_ref(),
+                    1.0,
+                    Par::Seq,
+                );
                 products
             };
             let gram = if same_noise && !known.gram.is_empty() {
@@ -279,14 +333,24 @@ impl Processes {
                 new.iter().enumerate().for_each(|(at, column)| all[*column] = along[(feature, at)]);
                 all
             };
-            let target =
-                if same_target { known.target.clone() } else { (0..k).map(|f| along[(f, new.len())]).collect() };
-            Process { of_unit_variance, gram, across: (0..k).map(with_new).collect(), target, ..known.clone() }
+            let target = if same_target {
+                known.target.clone()
+            } else {
+                (0..k).map(|f| along[(f, new.len())]).collect()
+            };
+            Process {
+                of_unit_variance,
+                gram,
+                across: (0..k).map(with_new).collect(),
+                target,
+                ..known.clone()
+            }
         };
         some.par_iter().map(one).collect()
     }
 
-    /// The process that predicts left-out blocks best, of those with most evidence beside a fit, and its errors there.
+    /// The process that predicts left-out blocks best, of those with most evidence beside a fit,
+    /// and its errors there.
     ///
     /// - `joints`: where to have these errors; at the others they are those of the fit alone
     pub fn best(
@@ -302,7 +366,8 @@ impl Processes {
         let left = mean_square(&fitted.residual[joint]);
         let beside = self.beside(problem, fitted, noise);
         let smooth = |(index, process): (usize, &Process)| {
-            let largest = LARGEST * LARGEST * left / process.of_unit_variance.max(f64::MIN_POSITIVE);
+            let largest =
+                LARGEST * LARGEST * left / process.of_unit_variance.max(f64::MIN_POSITIVE);
             let (variance, evidence) = process.evidence(fitted, largest);
             Smooth { index, variance, largest, evidence }
         };
@@ -322,20 +387,39 @@ impl Processes {
     /// Errors of a process on what fits beside it leave out.
     ///
     /// - `joints`: as in [`Self::best`]
-    pub fn errors_of(&self, smooth: &Smooth, problem: &Problem, fits: &FoldFits, joints: &[usize]) -> LeftOut {
+    pub fn errors_of(
+        &self,
+        smooth: &Smooth,
+        problem: &Problem,
+        fits: &FoldFits,
+        joints: &[usize],
+    ) -> LeftOut {
         let (columns, precision) = self.columns(smooth, problem);
-        fits.errors_with(&Extra { columns: &columns, precision: &vec![precision; columns.len()] }, joints)
+        fits.errors_with(
+            &Extra { columns: &columns, precision: &vec![precision; columns.len()] },
+            joints,
+        )
     }
 
     /// Columns of a process, and the precision of their factors.
     pub fn columns(&self, smooth: &Smooth, problem: &Problem) -> (Vec<Column>, f64) {
         let Process { group, length_scale, .. } = &self.all[smooth.index];
-        (features(problem, self.joint, group, *length_scale), 1.0 / smooth.variance.max(f64::MIN_POSITIVE))
+        (
+            features(problem, self.joint, group, *length_scale),
+            1.0 / smooth.variance.max(f64::MIN_POSITIVE),
+        )
     }
 
     /// Log evidence of a process against none beside another fit.
-    pub fn evidence_beside(&self, smooth: &Smooth, problem: &Problem, fitted: &Fitted, noise: &Noise) -> f64 {
-        let beside = self.products_beside(problem, fitted, noise, &self.all[smooth.index..=smooth.index]);
+    pub fn evidence_beside(
+        &self,
+        smooth: &Smooth,
+        problem: &Problem,
+        fitted: &Fitted,
+        noise: &Noise,
+    ) -> f64 {
+        let beside =
+            self.products_beside(problem, fitted, noise, &self.all[smooth.index..=smooth.index]);
         beside[0].evidence(fitted, smooth.largest).1
     }
 
@@ -346,8 +430,8 @@ impl Processes {
 }
 
 impl Process {
-    /// Variance of the columns' factors, at most the `largest`, at which their log evidence beside the fit is greatest, and
-    /// that.
+    /// Variance of the columns' factors, at most the `largest`, at which their log evidence beside
+    /// the fit is greatest, and that.
     fn evidence(&self, fitted: &Fitted, largest: f64) -> (f64, f64) {
         let k = self.target.len();
         let shares = |across: &Vec<f64>| -> Vec<f64> {
@@ -358,10 +442,15 @@ impl Process {
         let shares: Vec<Vec<f64>> = self.across.iter().map(shares).collect();
         let gram = |a: usize, b: usize| self.gram[a * k + b] - dot_in_lanes(&shares[a], &shares[b]);
         let gram = Mat::from_fn(k, k, |a, b| gram(a.max(b), a.min(b)));
-        let b: Vec<f64> =
-            self.target.iter().zip(&shares).map(|(own, shares)| own - dot_in_lanes(shares, &fitted.along)).collect();
+        let b: Vec<f64> = self
+            .target
+            .iter()
+            .zip(&shares)
+            .map(|(own, shares)| own - dot_in_lanes(shares, &fitted.along))
+            .collect();
         let (values, vectors) = crate::linalg::symmetric_eigen(gram.as_ref());
-        let along: Vec<f64> = (0..k).map(|i| (0..k).map(|j| vectors[(j, i)] * b[j]).sum()).collect();
+        let along: Vec<f64> =
+            (0..k).map(|i| (0..k).map(|j| vectors[(j, i)] * b[j]).sum()).collect();
         let at = |variance: f64| {
             let one = |(value, along): (&f64, &f64)| {
                 let scaled = 1.0 + variance * value.max(0.0);
@@ -369,13 +458,15 @@ impl Process {
             };
             values.iter().zip(&along).map(one).sum::<f64>()
         };
-        let tried = (0..30).map(|e| largest * f64::from(-e).exp2()).map(|variance| (variance, at(variance)));
+        let tried = (0..30)
+            .map(|e| largest * f64::from(-e).exp2())
+            .map(|variance| (variance, at(variance)));
         tried.fold((0.0, 0.0), |best, tried| if tried.1 > best.1 { tried } else { best })
     }
 }
 
-/// What a Gaussian process could still predict at each joint, of the group with most evidence there; `own` are the errors
-/// of the fit on blocks that were left out.
+/// What a Gaussian process could still predict at each joint, of the group with most evidence
+/// there; `own` are the errors of the fit on blocks that were left out.
 ///
 /// - `noises`: those of each joint beside the fit
 /// - `processes`: of each joint
@@ -394,16 +485,19 @@ pub(super) fn leftover(
         // One of so many groups, and none, are as likely before any data.
         let tried = processes[joint].all.len();
         let there = weights(problem, &[own, &with], &[0.0, -(tried as f64).ln()], &[joint])[1];
-        let matters = probability_of_fall(problem, [own, &with], joint, MATTERS, beyond[joint][0].powi(2));
+        let matters =
+            probability_of_fall(problem, [own, &with], joint, MATTERS, beyond[joint][0].powi(2));
         // Asked like an effect: what is not sure on left-out blocks is at most as likely as not.
-        let most = if own.against(&with, problem, &[joint]).significance() >= SURE { 1.0 } else { EVEN };
+        let most =
+            if own.against(&with, problem, &[joint]).significance() >= SURE { 1.0 } else { EVEN };
         let mut probability = there.min(matters).min(most);
         if let Some(noises) = noises.filter(|_| probability > IMPROBABLE) {
             let (columns, precision) = processes[joint].columns(&smooth, problem);
             let bare = Hypothesis::new(fitted, noises.to_vec());
             let process = bare.with(problem, fitted, (joint, &columns, precision));
             let factor = process.and_then(|process| process.log_bayes_factor(&bare, problem));
-            probability = probability.min(factor.map_or(1.0, |factor| probability_of(factor - (tried as f64).ln())));
+            probability = probability
+                .min(factor.map_or(1.0, |factor| probability_of(factor - (tried as f64).ln())));
         }
         let group = processes[joint].describe(&smooth, &names);
         Some(Leftover { joint, share, probability, group })

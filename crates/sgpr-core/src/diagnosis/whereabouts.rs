@@ -21,7 +21,8 @@ pub struct Excess {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct Whereabouts {
-    /// Per joint: root mean square error in the band over the noise beyond it, and the autocorrelation of neighbours.
+    /// Per joint: root mean square error in the band over the noise beyond it, and the
+    /// autocorrelation of neighbours.
     pub joints: Vec<JointWhereabouts>,
 }
 
@@ -68,11 +69,18 @@ pub(super) fn locate(problem: &Problem, fitted: &Fitted) -> Whereabouts {
             let (energy, samples) = (0..residual.len())
                 .filter(|&k| inside(k))
                 .fold((0.0, 0.0), |(e, s), k| (e + residual[k].powi(2), s + 1.0));
-            cells.push(Excess { cell: name, share: energy / total.max(1e-300), samples: samples / count });
+            cells.push(Excess {
+                cell: name,
+                share: energy / total.max(1e-300),
+                samples: samples / count,
+            });
         };
         for (from, to) in [(0.0, 0.01), (0.01, 0.05), (0.05, 0.2), (0.2, 1.01)] {
             let inside = |k: usize| (from..to).contains(&(speed(k).abs() / top));
-            cell(format!("speed {:.3} to {:.3} {unit}/s", from * top, f64::min(to, 1.0) * top), &inside);
+            cell(
+                format!("speed {:.3} to {:.3} {unit}/s", from * top, f64::min(to, 1.0) * top),
+                &inside,
+            );
         }
         cell("moving forwards".into(), &|k| speed(k) > 0.0);
         cell("moving backwards".into(), &|k| speed(k) < 0.0);

@@ -1,9 +1,10 @@
 //! The model that is written: which findings enter it.
 //!
-//! It is identified anew, with all constants, by weighted least squares, with the prior and the consistency of the given
-//! model, and must be better than that one on motion that no fit saw. What a prediction errs by there is the error on parts
-//! of the logs that were left out, what is beyond the band of the equations, and what parameters that the logs do not
-//! determine make of positions that they do not show.
+//! It is identified anew, with all constants, by weighted least squares, with the prior and the
+//! consistency of the given model, and must be better than that one on motion that no fit saw. What
+//! a prediction errs by there is the error on parts of the logs that were left out, what is beyond
+//! the band of the equations, and what parameters that the logs do not determine make of positions
+//! that they do not show.
 
 use rayon::prelude::*;
 
@@ -25,11 +26,13 @@ pub(super) struct Written {
     pub taken_back: Vec<usize>,
 }
 
-/// Growth of a joint's error that is harm: the one that is seen on other logs differs by as much from chance.
+/// Growth of a joint's error that is harm: the one that is seen on other logs differs by as much
+/// from chance.
 const HARM: f64 = 0.02;
 
-/// The given model with all findings but those that make it worse: while some joint is, the one without which it is best. A
-/// finding of the whole arm that makes some joint only less sure elsewhere stays if without it all joints together are worse.
+/// The given model with all findings but those that make it worse: while some joint is, the one
+/// without which it is best. A finding of the whole arm that makes some joint only less sure
+/// elsewhere stays if without it all joints together are worse.
 pub(super) fn written(
     search: &Search<'_>,
     given: &TorqueModel,
@@ -42,7 +45,8 @@ pub(super) fn written(
     let trial = |fitted: &Fitted| -> Result<(TorqueModel, Risk), IdentifyError> {
         let model = identified_again(search, given, fitted.terms().to_vec(), train)?;
         let parts = left_out_parts(problem, fitted, &search.noise, FOLDS);
-        let risk = Risk { parts, beyond: beyond(problem, fitted), elsewhere: elsewhere.variance(&model) };
+        let risk =
+            Risk { parts, beyond: beyond(problem, fitted), elsewhere: elsewhere.variance(&model) };
         Ok((model, risk))
     };
     let found: Vec<usize> = outcome.news(search).map(|(k, _)| k).collect();
@@ -53,23 +57,31 @@ pub(super) fn written(
     let (before, after) = rayon::join(|| trial(&outcome.start), || trial(&outcome.fitted));
     let ((_, before), (mut model, mut after)) = (before?, after?);
     loop {
-        let inside: Vec<usize> = found.iter().filter(|k| !taken_back.contains(*k)).copied().collect();
-        let acts = |k: &usize, joint: &usize| search.joints_of(&outcome.fitted.terms()[*k]).contains(joint);
+        let inside: Vec<usize> =
+            found.iter().filter(|k| !taken_back.contains(*k)).copied().collect();
+        let acts = |k: &usize, joint: &usize| {
+            search.joints_of(&outcome.fitted.terms()[*k]).contains(joint)
+        };
         let is_acted_on = |joint: usize| inside.iter().any(|k| acts(k, &joint));
         let harm = |joint: usize| after.harm(&before, problem, joint, is_acted_on(joint));
         let harms: Vec<Option<Harm>> = (0..problem.dof()).map(harm).collect();
-        let worse: Vec<usize> = (0..problem.dof()).filter(|joint| harms[*joint].is_some()).collect();
+        let worse: Vec<usize> =
+            (0..problem.dof()).filter(|joint| harms[*joint].is_some()).collect();
         if worse.is_empty() || inside.is_empty() {
             return Ok(Written { model, taken_back });
         }
         // Joints share bodies: what makes one look well known moves those of others.
-        let there: Vec<usize> = inside.iter().filter(|k| worse.iter().any(|joint| acts(k, joint))).copied().collect();
+        let there: Vec<usize> =
+            inside.iter().filter(|k| worse.iter().any(|joint| acts(k, joint))).copied().collect();
         let all = if there.is_empty() { inside } else { there };
         let without_it = |k: &usize| {
             let out = [&taken_back[..], &[*k]].concat();
-            let trial = trial(&search.refit(&outcome.fitted, without(outcome.fitted.terms(), &out)))?;
-            let growth: f64 = worse.iter().map(|joint| (trial.1.of(*joint) / before.of(*joint)).ln()).sum();
-            let of_all: f64 = (0..problem.dof()).map(|joint| (trial.1.of(joint) / after.of(joint)).ln()).sum();
+            let trial =
+                trial(&search.refit(&outcome.fitted, without(outcome.fitted.terms(), &out)))?;
+            let growth: f64 =
+                worse.iter().map(|joint| (trial.1.of(*joint) / before.of(*joint)).ln()).sum();
+            let of_all: f64 =
+                (0..problem.dof()).map(|joint| (trial.1.of(joint) / after.of(joint)).ln()).sum();
             let of_arm = outcome.fitted.terms()[*k].site == Site::Arm;
             let stays = of_arm && of_all > 0.0 && !harms.contains(&Some(Harm::Seen));
             Ok((*k, growth, (!stays).then_some(trial)))
@@ -84,14 +96,18 @@ pub(super) fn written(
     }
 }
 
-/// The model with these terms, all parameters identified anew from the logs, with the prior and the consistency that it has.
+/// The model with these terms, all parameters identified anew from the logs, with the prior and the
+/// consistency that it has.
 pub(super) fn identified_again(
     search: &Search<'_>,
     model: &TorqueModel,
     terms: Vec<Term>,
     train: &[Recording],
 ) -> Result<TorqueModel, IdentifyError> {
-    let consistency = model.fit().and_then(|fit| fit.consistency.as_ref()).map(|certificate| certificate.consistency());
+    let consistency = model
+        .fit()
+        .and_then(|fit| fit.consistency.as_ref())
+        .map(|certificate| certificate.consistency());
     identify_again(model, Given { terms, clock: search.problem.clock }, consistency.as_ref(), train)
 }
 
@@ -108,7 +124,8 @@ impl Risk {
         self.parts.mean_square(joint) + self.beyond[joint][0].powi(2) + self.elsewhere[joint]
     }
 
-    /// What makes it larger than before at a joint, beyond what chance makes of it; for certain where no finding `acts`.
+    /// What makes it larger than before at a joint, beyond what chance makes of it; for certain
+    /// where no finding `acts`.
     fn harm(&self, before: &Self, problem: &Problem, joint: usize, acts: bool) -> Option<Harm> {
         if self.of(joint) <= (1.0 + HARM).powi(2) * before.of(joint) {
             return None;

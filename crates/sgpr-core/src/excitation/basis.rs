@@ -1,4 +1,5 @@
-//! Families of motions, each linear in its coefficients: q(t) = sum of coefficient · function(t), per joint.
+//! Families of motions, each linear in its coefficients: q(t) = sum of coefficient · function(t),
+//! per joint.
 
 use std::f64::consts::TAU;
 use std::ops::RangeInclusive;
@@ -14,18 +15,21 @@ use crate::simulation::quintic;
 pub enum Basis {
     /// A finite Fourier series, periodic.
     ///
-    /// q(t) = sum over harmonics l of a_l / (ω l) sin(ω l t) - b_l / (ω l) cos(ω l t) + q_0 (thesis eq. 3-1), hence
-    /// dq = sum a_l cos(ω l t) + b_l sin(ω l t) and ddq = sum ω l (-a_l sin(ω l t) + b_l cos(ω l t)): the amplitudes are
-    /// those of the velocity. The factor ω l stands inside the sum; the thesis prints it before the sum in 3-3.
+    /// q(t) = sum over harmonics l of a_l / (ω l) sin(ω l t) - b_l / (ω l) cos(ω l t) + q_0 (thesis
+    /// eq. 3-1), hence dq = sum a_l cos(ω l t) + b_l sin(ω l t) and ddq = sum ω l (-a_l sin(ω l
+    /// t) + b_l cos(ω l t)): the amplitudes are those of the velocity. The factor ω l stands inside
+    /// the sum; the thesis prints it before the sum in 3-3.
     ///
     /// Coefficients: a_l of all harmonics, b_l of all harmonics, q_0.
     Fourier {
         /// ω / 2π, Hz; one over the period.
         fundamental_hz: f64,
-        /// Harmonics: 1 to L for identification; from L to bandwidth over fundamental for the high-frequency series.
+        /// Harmonics: 1 to L for identification; from L to bandwidth over fundamental for the
+        /// high-frequency series.
         harmonics: RangeInclusive<usize>,
     },
-    /// A B-spline of degree five over equal intervals, which starts and ends at its first and last control point.
+    /// A B-spline of degree five over equal intervals, which starts and ends at its first and last
+    /// control point.
     ///
     /// Coefficients: control points. Four derivatives are continuous.
     BSpline {
@@ -53,21 +57,31 @@ impl Basis {
         Self::Fourier { fundamental_hz, harmonics: 1..=terms }
     }
 
-    /// The high-frequency series: from the last harmonic of a series of `terms` up to the bandwidth of the closed loop
-    /// (thesis section 3-4).
+    /// The high-frequency series: from the last harmonic of a series of `terms` up to the bandwidth
+    /// of the closed loop (thesis section 3-4).
     pub fn high_frequency(fundamental_hz: f64, terms: usize, bandwidth_hz: f64) -> Self {
         let last = (bandwidth_hz / fundamental_hz + 1e-9).floor().clamp(0.0, 1e6) as usize;
         Self::Fourier { fundamental_hz, harmonics: terms..=last }
     }
 
     pub(super) fn require_valid(&self) -> Result<(), ExcitationError> {
-        let invalid = |option, value, expected| Err(ExcitationError::InvalidOption { option, value, expected });
+        let invalid = |option, value, expected| {
+            Err(ExcitationError::InvalidOption { option, value, expected })
+        };
         match self {
-            Self::Fourier { fundamental_hz, .. } if !(*fundamental_hz > 0.0 && fundamental_hz.is_finite()) => {
+            Self::Fourier { fundamental_hz, .. }
+                if !(*fundamental_hz > 0.0 && fundamental_hz.is_finite()) =>
+            {
                 invalid("fundamental_hz", *fundamental_hz, "a frequency above zero")
             }
-            Self::Fourier { harmonics, .. } if *harmonics.start() == 0 || harmonics.clone().count() < 2 => {
-                invalid("number of harmonics", harmonics.clone().count() as f64, "two or more, the first above zero")
+            Self::Fourier { harmonics, .. }
+                if *harmonics.start() == 0 || harmonics.clone().count() < 2 =>
+            {
+                invalid(
+                    "number of harmonics",
+                    harmonics.clone().count() as f64,
+                    "two or more, the first above zero",
+                )
             }
             Self::BSpline { duration, .. } | Self::PointToPoint { duration, .. }
                 if !(*duration > 0.0 && duration.is_finite()) =>
@@ -77,7 +91,9 @@ impl Basis {
             Self::BSpline { control_points, .. } if *control_points <= DEGREE + 1 => {
                 invalid("control_points", *control_points as f64, "seven or more")
             }
-            Self::PointToPoint { points, .. } if *points < 3 => invalid("points", *points as f64, "three or more"),
+            Self::PointToPoint { points, .. } if *points < 3 => {
+                invalid("points", *points as f64, "three or more")
+            }
             _ => Ok(()),
         }
     }
@@ -107,20 +123,27 @@ impl Basis {
     /// Time in which the fastest component turns once, s: what a grid of samples has to resolve.
     pub(super) fn shortest_time(&self) -> f64 {
         match self {
-            Self::Fourier { fundamental_hz, harmonics } => 1.0 / (fundamental_hz * *harmonics.end() as f64),
-            Self::BSpline { duration, control_points } => 2.0 * duration / (control_points - DEGREE) as f64,
+            Self::Fourier { fundamental_hz, harmonics } => {
+                1.0 / (fundamental_hz * *harmonics.end() as f64)
+            }
+            Self::BSpline { duration, control_points } => {
+                2.0 * duration / (control_points - DEGREE) as f64
+            }
             Self::PointToPoint { duration, points } => duration / (points - 1) as f64,
         }
     }
 
-    /// Values of all functions at `time` and their first and second derivatives, `[len]` each. A Fourier series goes on
-    /// for ever; the others stand still before their start and after their end.
+    /// Values of all functions at `time` and their first and second derivatives, `[len]` each. A
+    /// Fourier series goes on for ever; the others stand still before their start and after their
+    /// end.
     pub fn evaluate(&self, time: f64, out: [&mut [f64]; 3]) {
         let [value, slope, curvature] = out;
         for out in [&mut *value, &mut *slope, &mut *curvature] {
             out.fill(0.0);
         }
-        self.for_each(time, |index, function| [value[index], slope[index], curvature[index]] = function);
+        self.for_each(time, |index, function| {
+            [value[index], slope[index], curvature[index]] = function
+        });
     }
 
     /// Calls `f(index, [value, slope, curvature])` for the functions that are not zero at `time`.
@@ -137,7 +160,9 @@ impl Basis {
                 }
                 f(2 * count, [1.0, 0.0, 0.0]);
             }
-            Self::BSpline { duration, control_points } => b_splines(*duration, *control_points, time, f),
+            Self::BSpline { duration, control_points } => {
+                b_splines(*duration, *control_points, time, f)
+            }
             Self::PointToPoint { duration, points } => {
                 let ways = points - 1;
                 let rate = ways as f64 / duration;
@@ -150,11 +175,12 @@ impl Basis {
         }
     }
 
-    /// An orthonormal basis of the coefficients whose motion starts and ends with zero position, velocity and
-    /// acceleration, `[free]` rows of `[len]`: what replaces thesis eqs. 3-4 to 3-6.
+    /// An orthonormal basis of the coefficients whose motion starts and ends with zero position,
+    /// velocity and acceleration, `[free]` rows of `[len]`: what replaces thesis eqs. 3-4 to 3-6.
     ///
-    /// For the series these are sum b_l / (ω l) = q_0, sum a_l = 0 and sum ω l b_l = 0. The thesis prints ω_f^l (a power)
-    /// where differentiating its own 3-1 gives the product ω_f l, in 3-4 with the wrong sign of q_0 too.
+    /// For the series these are sum b_l / (ω l) = q_0, sum a_l = 0 and sum ω l b_l = 0. The thesis
+    /// prints ω_f^l (a power) where differentiating its own 3-1 gives the product ω_f l, in 3-4
+    /// with the wrong sign of q_0 too.
     pub fn free_directions(&self) -> Vec<Vec<f64>> {
         let k = self.len();
         let mut conditions: Vec<Vec<f64>> = Vec::new();
@@ -218,24 +244,29 @@ fn b_splines(duration: f64, count: usize, time: f64, mut f: impl FnMut(usize, [f
             let share = |from: f64, to: f64, f: f64| if to > from { f / (to - from) } else { 0.0 };
             let mut sum = 0.0;
             if r > 0 {
-                sum += (u - knot(first)) * share(knot(first), knot(first + p), functions[p - 1][r - 1]);
+                sum += (u - knot(first))
+                    * share(knot(first), knot(first + p), functions[p - 1][r - 1]);
             }
             if r < p {
-                sum += (knot(first + p + 1) - u) * share(knot(first + 1), knot(first + p + 1), functions[p - 1][r]);
+                sum += (knot(first + p + 1) - u)
+                    * share(knot(first + 1), knot(first + p + 1), functions[p - 1][r]);
             }
             functions[p][r] = sum;
         }
     }
-    // The derivative of a spline of degree p is p times the difference of two of degree p - 1, over their supports.
+    // The derivative of a spline of degree p is p times the difference of two of degree p - 1, over
+    // their supports.
     let derivative = |p: usize, r: usize, lower: &[f64]| {
         let first = span - p + r;
         let share = |r: Option<usize>, width: f64| match r.and_then(|r| lower.get(r)) {
             Some(function) if width > 0.0 => p as f64 * function / width,
             _ => 0.0,
         };
-        share(r.checked_sub(1), knot(first + p) - knot(first)) - share(Some(r), knot(first + p + 1) - knot(first + 1))
+        share(r.checked_sub(1), knot(first + p) - knot(first))
+            - share(Some(r), knot(first + p + 1) - knot(first + 1))
     };
-    let lower: [f64; DEGREE] = std::array::from_fn(|r| derivative(DEGREE - 1, r, &functions[DEGREE - 2][..DEGREE - 1]));
+    let lower: [f64; DEGREE] =
+        std::array::from_fn(|r| derivative(DEGREE - 1, r, &functions[DEGREE - 2][..DEGREE - 1]));
     for r in 0..=DEGREE {
         let slope = rate * derivative(DEGREE, r, &functions[DEGREE - 1][..DEGREE]);
         let curvature = rate * rate * derivative(DEGREE, r, &lower);
@@ -272,14 +303,21 @@ mod tests {
             for k in 0..200 {
                 let time = duration * (f64::from(k) + 0.31) / 200.0;
                 let h = 1e-4 * basis.shortest_time();
-                let (before, here, after) =
-                    (evaluate(&basis, time - h), evaluate(&basis, time), evaluate(&basis, time + h));
+                let (before, here, after) = (
+                    evaluate(&basis, time - h),
+                    evaluate(&basis, time),
+                    evaluate(&basis, time + h),
+                );
                 for order in 0..2 {
-                    let scale = here[order + 1].iter().fold(1e-2f64, |largest, x| largest.max(x.abs()));
+                    let scale =
+                        here[order + 1].iter().fold(1e-2f64, |largest, x| largest.max(x.abs()));
                     for index in 0..basis.len() {
                         let difference = (after[order][index] - before[order][index]) / (2.0 * h);
                         let error = (difference - here[order + 1][index]).abs();
-                        assert!(error < 1e-5 * scale, "{basis:?} order {order} function {index} at {time}: {error}");
+                        assert!(
+                            error < 1e-5 * scale,
+                            "{basis:?} order {order} function {index} at {time}: {error}"
+                        );
                     }
                 }
             }
@@ -311,7 +349,10 @@ mod tests {
             for k in 0..=100 {
                 let [value, slope, curvature] = evaluate(&basis, 0.03 * f64::from(k));
                 assert!((value.iter().sum::<f64>() - 1.0).abs() < 1e-14);
-                assert!(slope.iter().sum::<f64>().abs() < 1e-11 && curvature.iter().sum::<f64>().abs() < 1e-9);
+                assert!(
+                    slope.iter().sum::<f64>().abs() < 1e-11
+                        && curvature.iter().sum::<f64>().abs() < 1e-9
+                );
             }
         }
     }

@@ -15,22 +15,24 @@ pub enum Criterion {
     Condition,
     /// |W|_F |W⁺|_F (thesis section 3-3-2): an upper bound of cond(W), and smooth.
     FrobeniusCondition,
-    /// Sum over links of cond of the link's own columns (thesis eq. 3-13); friction columns go with the joint's link.
+    /// Sum over links of cond of the link's own columns (thesis eq. 3-13); friction columns go with
+    /// the joint's link.
     SumOfConditions,
-    /// Sum over links of link mass times cond of its columns of mass and first moment (thesis eq. 3-11).
+    /// Sum over links of link mass times cond of its columns of mass and first moment (thesis eq.
+    /// 3-11).
     ///
-    /// Source: G. Venture, K. Ayusawa, Y. Nakamura, A numerical method for choosing motions with optimal excitation
-    /// properties for identification of biped dynamics, IEEE ICRA (2009).
+    /// Source: G. Venture, K. Ayusawa, Y. Nakamura, A numerical method for choosing motions with
+    /// optimal excitation properties for identification of biped dynamics, IEEE ICRA (2009).
     StaticConditions,
     /// The same with the columns of inertia (thesis eq. 3-12).
     DynamicConditions,
     /// -log det(Wᵀ Σ⁻¹ W), per sample: the volume of the confidence ellipsoid.
     ///
-    /// Source: J. Swevers, C. Ganseman, D. B. Tükel, J. De Schutter, H. Van Brussel, Optimal robot excitation and
-    /// identification, IEEE Trans. Robotics and Automation 13(5) (1997).
+    /// Source: J. Swevers, C. Ganseman, D. B. Tükel, J. De Schutter, H. Van Brussel, Optimal robot
+    /// excitation and identification, IEEE Trans. Robotics and Automation 13(5) (1997).
     DOptimality,
-    /// The same with the determinant replaced by Hadamard's bound, the product of the diagonal: it excites every column
-    /// but cares for no correlation between them.
+    /// The same with the determinant replaced by Hadamard's bound, the product of the diagonal: it
+    /// excites every column but cares for no correlation between them.
     Hadamard,
 }
 
@@ -89,12 +91,14 @@ impl Objective {
                 }
             }
             if let Some(nominal) = nominal.filter(|_| effects) {
-                (0..nominal.len()).for_each(|index| groups[nominal.link(index)].push(base.rank() + index));
+                (0..nominal.len())
+                    .for_each(|index| groups[nominal.link(index)].push(base.rank() + index));
             }
             groups
         };
         let weigh = |groups: Vec<Vec<usize>>, weight: &dyn Fn(usize) -> f64| {
-            let weighted = groups.into_iter().enumerate().map(|(link, columns)| (weight(link), columns));
+            let weighted =
+                groups.into_iter().enumerate().map(|(link, columns)| (weight(link), columns));
             weighted.filter(|(weight, columns)| *weight > 0.0 && !columns.is_empty()).collect()
         };
         let mass = |link: usize| robot.links()[link].mass;
@@ -107,14 +111,15 @@ impl Objective {
         Self { criterion, groups }
     }
 
-    /// Whether small values are a ratio of large to small: its logarithm is the better thing to descend on.
+    /// Whether small values are a ratio of large to small: its logarithm is the better thing to
+    /// descend on.
     pub fn is_condition(&self) -> bool {
         !matches!(self.criterion, Criterion::DOptimality | Criterion::Hadamard)
     }
 
-    /// Value, and derivative by the (symmetric) matrix `a`. Condition numbers are taken in the smooth form of
-    /// [`smooth_condition`] with this `power`; `None` for the exact one, whose derivative is one of several where
-    /// singular values coincide.
+    /// Value, and derivative by the (symmetric) matrix `a`. Condition numbers are taken in the
+    /// smooth form of [`smooth_condition`] with this `power`; `None` for the exact one, whose
+    /// derivative is one of several where singular values coincide.
     ///
     /// Infinite where the matrix is singular.
     pub fn value_and_derivative(&self, a: &Mat<f64>, power: Option<f64>) -> (f64, Mat<f64>) {
@@ -140,11 +145,15 @@ impl Objective {
                 if is_singular(values[0], values[size - 1]) {
                     return (f64::INFINITY, derivative);
                 }
-                length
-                    .iter()
-                    .enumerate()
-                    .for_each(|(i, length)| vectors.row_mut(i).iter_mut().for_each(|x| *x /= length));
-                add_spectral(&mut derivative, &vectors, &values.iter().map(|x| -1.0 / x).collect::<Vec<_>>(), None);
+                length.iter().enumerate().for_each(|(i, length)| {
+                    vectors.row_mut(i).iter_mut().for_each(|x| *x /= length)
+                });
+                add_spectral(
+                    &mut derivative,
+                    &vectors,
+                    &values.iter().map(|x| -1.0 / x).collect::<Vec<_>>(),
+                    None,
+                );
                 let logarithms = values.iter().map(|x| x.ln()).sum::<f64>();
                 (-logarithms - 2.0 * length.iter().map(|x| x.ln()).sum::<f64>(), derivative)
             }
@@ -153,10 +162,16 @@ impl Objective {
         }
     }
 
-    fn conditions(&self, a: &Mat<f64>, power: Option<f64>, mut derivative: Mat<f64>) -> (f64, Mat<f64>) {
+    fn conditions(
+        &self,
+        a: &Mat<f64>,
+        power: Option<f64>,
+        mut derivative: Mat<f64>,
+    ) -> (f64, Mat<f64>) {
         let mut sum = 0.0;
         for (weight, columns) in &self.groups {
-            let block = Mat::from_fn(columns.len(), columns.len(), |i, j| a[(columns[i], columns[j])]);
+            let block =
+                Mat::from_fn(columns.len(), columns.len(), |i, j| a[(columns[i], columns[j])]);
             let (values, vectors) = symmetric_eigen(block.as_ref());
             let Some((condition, slopes)) = smooth_condition(&values, power) else {
                 return (f64::INFINITY, derivative);
@@ -172,13 +187,19 @@ impl Objective {
 /// Eigenvalues of WᵀW below this share of the largest one are rounding.
 pub(super) const SINGULAR: f64 = 1e-13;
 
-/// Whether a matrix with these eigenvalues, the squares of singular values, is singular to rounding; NaN counts as such.
+/// Whether a matrix with these eigenvalues, the squares of singular values, is singular to
+/// rounding; NaN counts as such.
 fn is_singular(least: f64, most: f64) -> bool {
     least.is_nan() || most.is_nan() || least <= SINGULAR * most
 }
 
 /// derivative += V diag(slopes) Vᵀ, in the rows and columns `columns`.
-fn add_spectral(derivative: &mut Mat<f64>, vectors: &Mat<f64>, slopes: &[f64], columns: Option<&[usize]>) {
+fn add_spectral(
+    derivative: &mut Mat<f64>,
+    vectors: &Mat<f64>,
+    slopes: &[f64],
+    columns: Option<&[usize]>,
+) {
     let k = slopes.len();
     let scaled = Mat::from_fn(k, k, |i, j| vectors[(i, j)] * slopes[j]);
     let product = &scaled * vectors.transpose();
@@ -190,10 +211,11 @@ fn add_spectral(derivative: &mut Mat<f64>, vectors: &Mat<f64>, slopes: &[f64], c
     }
 }
 
-/// Condition number of W from the eigenvalues of WᵀW, ascending, and its derivatives by them; `None` if singular.
+/// Condition number of W from the eigenvalues of WᵀW, ascending, and its derivatives by them;
+/// `None` if singular.
 ///
-/// With a power p it is (sum λ^p · sum λ^-p)^(1 / 2p), which is smooth, never below the true one, the Frobenius
-/// condition number for p = 1 and the true one as p grows.
+/// With a power p it is (sum λ^p · sum λ^-p)^(1 / 2p), which is smooth, never below the true one,
+/// the Frobenius condition number for p = 1 and the true one as p grows.
 fn smooth_condition(values: &[f64], power: Option<f64>) -> Option<(f64, Vec<f64>)> {
     let k = values.len();
     let (least, most) = (values[0], values[k - 1]);
@@ -211,7 +233,9 @@ fn smooth_condition(values: &[f64], power: Option<f64>) -> Option<(f64, Vec<f64>
     let down: Vec<f64> = values.iter().map(|x| (least / x).powf(p)).collect();
     let (sum_up, sum_down) = (up.iter().sum::<f64>(), down.iter().sum::<f64>());
     let condition = (most / least).sqrt() * (sum_up * sum_down).powf(0.5 / p);
-    let slope = |((x, up), down): ((&f64, &f64), &f64)| 0.5 * condition * (up / sum_up - down / sum_down) / x;
+    let slope = |((x, up), down): ((&f64, &f64), &f64)| {
+        0.5 * condition * (up / sum_up - down / sum_down) / x
+    };
     Some((condition, values.iter().zip(&up).zip(&down).map(slope).collect()))
 }
 
@@ -221,7 +245,9 @@ mod tests {
     use crate::robot::puma560;
 
     fn matrix(size: usize) -> Mat<f64> {
-        let root = Mat::from_fn(size + 3, size, |i, j| (1.7 * i as f64 + 0.3 * (i * j) as f64 + j as f64).sin());
+        let root = Mat::from_fn(size + 3, size, |i, j| {
+            (1.7 * i as f64 + 0.3 * (i * j) as f64 + j as f64).sin()
+        });
         root.transpose() * &root
     }
 
@@ -232,12 +258,15 @@ mod tests {
         let base = BaseParameters::new(&robot, &set);
         let a = matrix(base.rank());
         let change = matrix(base.rank() + 1).submatrix(1, 0, base.rank(), base.rank()).to_owned();
-        let change = Mat::from_fn(base.rank(), base.rank(), |i, j| 0.5 * (change[(i, j)] + change[(j, i)]));
+        let change =
+            Mat::from_fn(base.rank(), base.rank(), |i, j| 0.5 * (change[(i, j)] + change[(j, i)]));
         for criterion in Criterion::ALL {
             let objective = Objective::new(criterion, &robot, &set, &base, None);
             for power in [Some(2.0), Some(20.0), None] {
                 let value = |h: f64| {
-                    let moved = Mat::from_fn(base.rank(), base.rank(), |i, j| a[(i, j)] + h * change[(i, j)]);
+                    let moved = Mat::from_fn(base.rank(), base.rank(), |i, j| {
+                        a[(i, j)] + h * change[(i, j)]
+                    });
                     objective.value_and_derivative(&moved, power).0
                 };
                 let h = 1e-6 * symmetric_eigen(a.as_ref()).0[0];
@@ -264,7 +293,9 @@ mod tests {
         assert!((exact - 100.0).abs() < 1e-10);
         let trace = |p: i32| values.iter().map(|x: &f64| x.powi(p)).sum::<f64>();
         let frobenius = (trace(1) * trace(-1)).sqrt();
-        assert!((smooth_condition(&values, Some(1.0)).expect("regular").0 - frobenius).abs() < 1e-10);
+        assert!(
+            (smooth_condition(&values, Some(1.0)).expect("regular").0 - frobenius).abs() < 1e-10
+        );
         let mut before = frobenius;
         for p in [2.0, 8.0, 32.0, 128.0] {
             let value = smooth_condition(&values, Some(p)).expect("regular").0;

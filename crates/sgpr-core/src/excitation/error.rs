@@ -48,7 +48,10 @@ pub enum ExcitationError {
         value: f64,
     },
     /// A position range that holds nothing.
-    #[error("the position range of joint `{joint}` is [{low}, {high}]: the lower end is below the upper, both finite")]
+    #[error(
+        "the position range of joint `{joint}` is [{low}, {high}]: the lower end is below the \
+         upper, both finite"
+    )]
     EmptyRange {
         /// Joint.
         joint: String,
@@ -59,7 +62,8 @@ pub enum ExcitationError {
     },
     /// The position in which the motion starts and ends is itself forbidden.
     #[error(
-        "the start position breaks a limit: {what} is {value:.6}, allowed is {limit:.6}; start elsewhere or relax it"
+        "the start position breaks a limit: {what} is {value:.6}, allowed is {limit:.6}; start \
+         elsewhere or relax it"
     )]
     InfeasibleStart {
         /// The limit.
@@ -71,7 +75,8 @@ pub enum ExcitationError {
     },
     /// A limit under which nothing can move.
     #[error(
-        "a motion within all limits covers no more than {room:.0e} of the position ranges; what stops it is the limit on: {limit}; relax it, or start elsewhere"
+        "a motion within all limits covers no more than {room:.0e} of the position ranges; what \
+         stops it is the limit on: {limit}; relax it, or start elsewhere"
     )]
     NoRoom {
         /// The limit that the motion uses most.
@@ -81,7 +86,8 @@ pub enum ExcitationError {
     },
     /// No motion that was found reveals the parameters.
     #[error(
-        "the motion excites {rank} of {expected} parameters and does not tell these apart: {}; take more terms, another start, wider limits, or fewer effects",
+        "the motion excites {rank} of {expected} parameters and does not tell these apart: {}; \
+         take more terms, another start, wider limits, or fewer effects",
         shortened(names)
     )]
     RankDeficient {
@@ -94,7 +100,8 @@ pub enum ExcitationError {
     },
     /// Parameters of very different sizes, whose condition number is lost in rounding.
     #[error(
-        "the motion excites all parameters, but their columns are of too different sizes for `{criterion}`: choose d_optimality, which does not depend on their units"
+        "the motion excites all parameters, but their columns are of too different sizes for \
+         `{criterion}`: choose d_optimality, which does not depend on their units"
     )]
     Units {
         /// Criterion.
@@ -137,6 +144,10 @@ pub enum ExcitationError {
 /// The first names of a list, and how many more there are.
 fn shortened(names: &[String]) -> String {
     const MOST: usize = 8;
-    let more = if names.len() > MOST { format!(" and {} more", names.len() - MOST) } else { String::new() };
+    let more = if names.len() > MOST {
+        format!(" and {} more", names.len() - MOST)
+    } else {
+        String::new()
+    };
     names[..names.len().min(MOST)].join(", ") + &more
 }

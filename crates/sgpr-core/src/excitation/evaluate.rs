@@ -29,7 +29,8 @@ pub struct ExcitationReport {
     pub singular_values: Vec<f64>,
     /// Number of base parameters that are excited, with every column of W scaled to unit length.
     pub rank: usize,
-    /// Names of the parameters that the motion cannot tell from each other; none if all are excited.
+    /// Names of the parameters that the motion cannot tell from each other; none if all are
+    /// excited.
     pub not_told_apart: Vec<String>,
 }
 
@@ -43,7 +44,8 @@ impl ExcitationReport {
 /// Share of a direction that W does not see, above which a parameter is named.
 const TAKES_PART: f64 = 0.05;
 
-/// What `samples` reveal of the base parameters and of effects at nominal values; friction with its true sign function.
+/// What `samples` reveal of the base parameters and of effects at nominal values; friction with its
+/// true sign function.
 ///
 /// - `samples`: evenly spaced where there are nominal effects
 /// - `noise`: standard deviations of the torque, `[n]`, N·m (N); all one if `None`
@@ -59,8 +61,14 @@ pub fn evaluate(
     noise: Option<&[f64]>,
 ) -> Result<ExcitationReport, ExcitationError> {
     require_noise(robot, noise)?;
-    let mut information =
-        Information::new(robot, set, base, nominal.map(|nominal| nominal as &dyn BesideBase), noise, 0.0);
+    let mut information = Information::new(
+        robot,
+        set,
+        base,
+        nominal.map(|nominal| nominal as &dyn BesideBase),
+        noise,
+        0.0,
+    );
     let width = information.parameters();
     let mut factor = TriangularFactor::new(width);
     let n = robot.dof();
@@ -70,7 +78,12 @@ pub fn evaluate(
         let last = (first + piece).min(samples.len());
         let cut = |values: &[f64]| values[first * n..last * n].to_vec();
         let (q, dq, ddq) = (cut(&samples.q), cut(&samples.dq), cut(&samples.ddq));
-        information.observe(&TrajectorySamples { time: samples.time[first..last].to_vec(), q, dq, ddq });
+        information.observe(&TrajectorySamples {
+            time: samples.time[first..last].to_vec(),
+            q,
+            dq,
+            ddq,
+        });
         factor.push_all(&information.rows);
     }
     let factor = factor.factor();
@@ -92,18 +105,22 @@ pub fn evaluate(
             Some(index) => set.effect_columns()[index].joint,
         }
     };
-    // Columns that are zero come out of the factorisation with rounding, whose direction says nothing.
+    // Columns that are zero come out of the factorisation with rounding, whose direction says
+    // nothing.
     let zero = 1e-13 * values[0];
     let scaled = Mat::from_fn(factor.nrows(), width, |i, j| {
         let length = factor.col(j).norm_l2();
         if length > zero { factor[(i, j)] / length } else { 0.0 }
     });
     let scaled = Svd::new(scaled.as_ref());
-    let rank = scaled.values.iter().filter(|value| **value > SINGULAR.sqrt() * scaled.values[0]).count();
-    let in_a_direction = |column: usize| (rank..width).any(|k| scaled.v[(column, k)].abs() > TAKES_PART);
+    let rank =
+        scaled.values.iter().filter(|value| **value > SINGULAR.sqrt() * scaled.values[0]).count();
+    let in_a_direction =
+        |column: usize| (rank..width).any(|k| scaled.v[(column, k)].abs() > TAKES_PART);
     let name = |column: usize| match base.names().get(column) {
         Some(name) => name.clone(),
-        None => nominal.map_or_else(String::new, |nominal| nominal.names().swap_remove(column - base.rank())),
+        None => nominal
+            .map_or_else(String::new, |nominal| nominal.names().swap_remove(column - base.rank())),
     };
     let squares = |power: i32| values.iter().map(|value| value.powi(2 * power)).sum::<f64>().sqrt();
     let count = samples.len() as f64;
@@ -111,7 +128,9 @@ pub fn evaluate(
         condition: ratio(values[0], values[values.len() - 1]),
         scaled_condition: ratio(scaled.values[0], scaled.values[width - 1]),
         frobenius_condition: squares(1) * squares(-1),
-        link_conditions: (0..n).map(|link| condition(&columns(&|column| link_of(column) == link))).collect(),
+        link_conditions: (0..n)
+            .map(|link| condition(&columns(&|column| link_of(column) == link)))
+            .collect(),
         log_determinant: values.iter().map(|value| 2.0 * value.ln() - count.ln()).sum(),
         rank,
         not_told_apart: (0..width).filter(|column| in_a_direction(*column)).map(name).collect(),

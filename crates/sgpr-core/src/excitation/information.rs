@@ -1,4 +1,5 @@
-//! The information matrix A = WᵀΣ⁻¹W / samples of a motion, its derivative by the motion, and what is reported of W.
+//! The information matrix A = WᵀΣ⁻¹W / samples of a motion, its derivative by the motion, and what
+//! is reported of W.
 
 use faer::linalg::matmul::matmul;
 use faer::{Accum, Mat, MatRef, Par};
@@ -91,7 +92,8 @@ impl<'a> Information<'a> {
     /// Sets `rows` to the observation matrix of the samples.
     pub fn observe(&mut self, samples: &TrajectorySamples) {
         let n = self.robot.dof();
-        let (rows, columns, width) = (samples.len() * n, self.parameters(), PARAMETERS_PER_LINK * n);
+        let (rows, columns, width) =
+            (samples.len() * n, self.parameters(), PARAMETERS_PER_LINK * n);
         self.full.resize(rows * width, 0.0);
         let motion = Samples { q: &samples.q, dq: &samples.dq, ddq: &samples.ddq };
         regressor_batch(self.robot, &mut self.batch, motion, &mut self.full);
@@ -103,8 +105,11 @@ impl<'a> Information<'a> {
             let weight = self.weights[joint];
             let full = &self.full[index * width..(index + 1) * width];
             let range = sample * n..(sample + 1) * n;
-            let state =
-                JointState { q: &samples.q[range.clone()], dq: &samples.dq[range.clone()], ddq: &samples.ddq[range] };
+            let state = JointState {
+                q: &samples.q[range.clone()],
+                dq: &samples.dq[range.clone()],
+                ddq: &samples.ddq[range],
+            };
             self.effect_row(joint, &state, &mut effects);
             for (entry, &parameter) in row.iter_mut().zip(self.base.independent()) {
                 *entry = weight
@@ -130,7 +135,10 @@ impl<'a> Information<'a> {
         if column.joint != joint {
             return 0.0;
         }
-        let before: usize = self.set.effects()[..column.effect].iter().map(|effect| effect.parameters().len()).sum();
+        let before: usize = self.set.effects()[..column.effect]
+            .iter()
+            .map(|effect| effect.parameters().len())
+            .sum();
         effects[before + column.parameter]
     }
 
@@ -145,8 +153,9 @@ impl<'a> Information<'a> {
         a
     }
 
-    /// Derivative of a function of the information matrix by the entries of the last observed `rows`, `[parameters, rows]`:
-    /// d f = 2 / samples · sum over rows of (S w_row) · dw_row, where S is the derivative by the matrix.
+    /// Derivative of a function of the information matrix by the entries of the last observed
+    /// `rows`, `[parameters, rows]`: d f = 2 / samples · sum over rows of (S w_row) · dw_row, where
+    /// S is the derivative by the matrix.
     pub fn by_rows(&self, by_matrix: &Mat<f64>) -> Mat<f64> {
         let columns = self.parameters();
         let rows = self.rows.len() / columns;
@@ -162,14 +171,16 @@ impl<'a> Information<'a> {
         self.base.rank() + self.nominal.map_or(0, BesideBase::len)
     }
 
-    /// What the derivative by the entries of the observation matrix, `[parameters, rows]`, makes of the columns of the
-    /// nominal effects along `samples`; none without such effects.
+    /// What the derivative by the entries of the observation matrix, `[parameters, rows]`, makes of
+    /// the columns of the nominal effects along `samples`; none without such effects.
     pub fn along_nominal(&self, samples: &TrajectorySamples, pull: &Mat<f64>) -> Option<f64> {
         let (n, first) = (self.robot.dof(), self.base.rank());
         let columns = self.nominal.filter(|nominal| nominal.len() > 0)?.columns(samples);
         let of_column = |(index, column): (usize, &Vec<f64>)| {
             let entries = column.iter().enumerate();
-            entries.map(|(row, value)| pull[(first + index, row)] * self.weights[row % n] * value).sum::<f64>()
+            entries
+                .map(|(row, value)| pull[(first + index, row)] * self.weights[row % n] * value)
+                .sum::<f64>()
         };
         Some(columns.iter().enumerate().map(of_column).sum())
     }
@@ -179,20 +190,26 @@ impl<'a> Information<'a> {
         self.weights[joint]
     }
 
-    /// Torque of joint `row % n` at sample `row / n` of the last observed motion with these base parameters.
+    /// Torque of joint `row % n` at sample `row / n` of the last observed motion with these base
+    /// parameters.
     pub fn torque(&self, base_parameters: &[f64]) -> Vec<f64> {
         let torque = |(row, values): (usize, &[f64])| {
-            let sum: f64 = values.iter().zip(base_parameters).map(|(value, parameter)| value * parameter).sum();
+            let sum: f64 = values
+                .iter()
+                .zip(base_parameters)
+                .map(|(value, parameter)| value * parameter)
+                .sum();
             sum / self.weights[row % self.weights.len()]
         };
         self.rows.chunks_exact(self.parameters()).enumerate().map(torque).collect()
     }
 
-    /// Derivative of a function by the motion, `[samples, n]` by q, dq and ddq, from its derivative by the entries of the
-    /// observation matrix, `[parameters, rows]`, without the nominal effects ([`Self::along_nominal`]).
+    /// Derivative of a function by the motion, `[samples, n]` by q, dq and ddq, from its derivative
+    /// by the entries of the observation matrix, `[parameters, rows]`, without the nominal effects
+    /// ([`Self::along_nominal`]).
     ///
-    /// The entries come from the regressor recursion on dual numbers, the effects' share from central differences (they
-    /// may be any function).
+    /// The entries come from the regressor recursion on dual numbers, the effects' share from
+    /// central differences (they may be any function).
     pub fn by_motion(&mut self, samples: &TrajectorySamples, pull: &Mat<f64>) -> [Vec<f64>; 3] {
         let n = self.robot.dof();
         let count = samples.len();
@@ -211,12 +228,18 @@ impl<'a> Information<'a> {
                     if parameter < inertial {
                         factors.as_flattened_mut()[joint * inertial + parameter] = value;
                     } else {
-                        self.set_effect_factor(parameter - inertial, joint, value, &mut effect_factors);
+                        self.set_effect_factor(
+                            parameter - inertial,
+                            joint,
+                            value,
+                            &mut effect_factors,
+                        );
                     }
                 }
             }
             let at = sample * n..(sample + 1) * n;
-            let motion = [&samples.q[at.clone()], &samples.dq[at.clone()], &samples.ddq[at.clone()]];
+            let motion =
+                [&samples.q[at.clone()], &samples.dq[at.clone()], &samples.ddq[at.clone()]];
             self.add_rigid_body(motion, &factors, &mut result, sample);
             if self.set.effect_columns_per_joint() > 0 {
                 self.add_effects(motion, &effect_factors, &mut result, sample);
@@ -228,9 +251,12 @@ impl<'a> Information<'a> {
     fn set_effect_factor(&self, index: usize, joint: usize, value: f64, factors: &mut [f64]) {
         let column = self.set.effect_columns()[index];
         if column.joint == joint {
-            let before: usize =
-                self.set.effects()[..column.effect].iter().map(|effect| effect.parameters().len()).sum();
-            factors[joint * self.set.effect_columns_per_joint() + before + column.parameter] = value;
+            let before: usize = self.set.effects()[..column.effect]
+                .iter()
+                .map(|effect| effect.parameters().len())
+                .sum();
+            factors[joint * self.set.effect_columns_per_joint() + before + column.parameter] =
+                value;
         }
     }
 
@@ -267,7 +293,13 @@ impl<'a> Information<'a> {
         }
     }
 
-    fn add_effects(&self, motion: [&[f64]; 3], factors: &[f64], result: &mut [Vec<f64>; 3], sample: usize) {
+    fn add_effects(
+        &self,
+        motion: [&[f64]; 3],
+        factors: &[f64],
+        result: &mut [Vec<f64>; 3],
+        sample: usize,
+    ) {
         let n = self.robot.dof();
         let width = self.set.effect_columns_per_joint();
         let mut moved = motion.map(<[f64]>::to_vec);
@@ -277,7 +309,11 @@ impl<'a> Information<'a> {
             let mut sum = 0.0;
             for joint in 0..n {
                 self.effect_row(joint, &state, &mut row);
-                sum += row.iter().zip(&factors[joint * width..]).map(|(value, factor)| value * factor).sum::<f64>();
+                sum += row
+                    .iter()
+                    .zip(&factors[joint * width..])
+                    .map(|(value, factor)| value * factor)
+                    .sum::<f64>();
             }
             sum
         };
@@ -296,11 +332,14 @@ impl<'a> Information<'a> {
     }
 }
 
-/// Puts a motion into the bodies, the variables from `first` on (q, then dq, then ddq) as directions.
+/// Puts a motion into the bodies, the variables from `first` on (q, then dq, then ddq) as
+/// directions.
 pub(super) fn set_motion(bodies: &mut [Body<DualState>], [q, dq, ddq]: [&[f64]; 3], first: usize) {
     let n = bodies.len();
     for (joint, body) in bodies.iter_mut().enumerate() {
-        let variable = |kind: usize, value: f64| DualState::variable(value, (kind * n + joint).checked_sub(first));
+        let variable = |kind: usize, value: f64| {
+            DualState::variable(value, (kind * n + joint).checked_sub(first))
+        };
         body.q = variable(0, q[joint]);
         let (sin, cos) = q[joint].sin_cos();
         body.sin = body.q.chain(sin, cos);
@@ -313,12 +352,18 @@ pub(super) fn set_motion(bodies: &mut [Body<DualState>], [q, dq, ddq]: [&[f64]; 
 pub(super) fn require_noise(robot: &Robot, noise: Option<&[f64]>) -> Result<(), ExcitationError> {
     let Some(noise) = noise else { return Ok(()) };
     if noise.len() != robot.dof() {
-        return Err(ExcitationError::Length { what: "noise", expected: robot.dof(), found: noise.len() });
+        return Err(ExcitationError::Length {
+            what: "noise",
+            expected: robot.dof(),
+            found: noise.len(),
+        });
     }
     match noise.iter().find(|value| !(**value > 0.0 && value.is_finite())) {
-        Some(&value) => {
-            Err(ExcitationError::InvalidOption { option: "noise", value, expected: "a standard deviation above zero" })
-        }
+        Some(&value) => Err(ExcitationError::InvalidOption {
+            option: "noise",
+            value,
+            expected: "a standard deviation above zero",
+        }),
         None => Ok(()),
     }
 }

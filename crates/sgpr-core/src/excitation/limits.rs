@@ -21,7 +21,8 @@ pub struct MotionLimits {
 }
 
 impl MotionLimits {
-    /// Position and speed limits of the robot, torque limits where the robot has one for every joint.
+    /// Position and speed limits of the robot, torque limits where the robot has one for every
+    /// joint.
     ///
     /// - `acceleration`: `[n]`, rad/s² (m/s²); robot files do not know it
     ///
@@ -31,7 +32,8 @@ impl MotionLimits {
         Self::of_robot_or(robot, acceleration, None, None)
     }
 
-    /// As [`Self::of_robot`], with these limits of positions and speeds in the place of the robot's.
+    /// As [`Self::of_robot`], with these limits of positions and speeds in the place of the
+    /// robot's.
     ///
     /// # Errors
     /// As [`Self::of_robot`].
@@ -46,8 +48,13 @@ impl MotionLimits {
             ExcitationError::NoLimit { joint, quantity, option }
         };
         let joints = || robot.joints().iter();
-        let positions = || joints().map(|j| j.limits.position.ok_or_else(|| missing(j, "position", "position_range")));
-        let speeds = || joints().map(|j| j.limits.velocity.ok_or_else(|| missing(j, "speed", "max_velocity")));
+        let positions = || {
+            joints()
+                .map(|j| j.limits.position.ok_or_else(|| missing(j, "position", "position_range")))
+        };
+        let speeds = || {
+            joints().map(|j| j.limits.velocity.ok_or_else(|| missing(j, "speed", "max_velocity")))
+        };
         // A file that writes zero effort means that it does not know.
         let known = |effort: f64| (effort > 0.0).then_some(effort);
         let limits = Self {
@@ -63,7 +70,11 @@ impl MotionLimits {
     /// Refuses lists of another length than the joints, and limits that leave no room.
     pub(super) fn require_valid(&self, robot: &Robot) -> Result<(), ExcitationError> {
         let torque = self.torque.as_deref().unwrap_or_default();
-        let lists = [("speed", &self.velocity[..]), ("acceleration", &self.acceleration), ("torque", torque)];
+        let lists = [
+            ("speed", &self.velocity[..]),
+            ("acceleration", &self.acceleration),
+            ("torque", torque),
+        ];
         let lengths = [("position limits", self.position.len())].into_iter().chain([
             ("speed limits", self.velocity.len()),
             ("acceleration limits", self.acceleration.len()),
@@ -77,7 +88,11 @@ impl MotionLimits {
         for (quantity, list) in lists {
             for (joint, &value) in robot.joint_names().zip(list) {
                 if !(value > 0.0 && value.is_finite()) {
-                    return Err(ExcitationError::InvalidLimit { joint: joint.into(), quantity, value });
+                    return Err(ExcitationError::InvalidLimit {
+                        joint: joint.into(),
+                        quantity,
+                        value,
+                    });
                 }
             }
         }
@@ -89,9 +104,11 @@ impl MotionLimits {
         Ok(())
     }
 
-    /// The middle of the range where zero is outside it, else zero: where a motion starts unless told otherwise, `[n]`.
+    /// The middle of the range where zero is outside it, else zero: where a motion starts unless
+    /// told otherwise, `[n]`.
     pub fn default_start(&self) -> Vec<f64> {
-        let inside = |[low, high]: [f64; 2]| if low < 0.0 && high > 0.0 { 0.0 } else { 0.5 * (low + high) };
+        let inside =
+            |[low, high]: [f64; 2]| if low < 0.0 && high > 0.0 { 0.0 } else { 0.5 * (low + high) };
         self.position.iter().copied().map(inside).collect()
     }
 

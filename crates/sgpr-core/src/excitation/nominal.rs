@@ -1,4 +1,5 @@
-//! Effects that depend on the whole motion or enter nonlinearly, about values that are taken for true.
+//! Effects that depend on the whole motion or enter nonlinearly, about values that are taken for
+//! true.
 
 use std::f64::consts::PI;
 use std::sync::Arc;
@@ -13,14 +14,16 @@ use crate::model::{Term, TorqueModel, Trajectory as Motion};
 use crate::robot::Robot;
 use crate::simulation::NormalNumbers;
 
-/// Columns of the observation matrix beside those that the present joint motion gives: derivatives of the torque by the
-/// parameters and constants of effects, at nominal values. A motion that makes a criterion of them small is good for
-/// parameters near these values (local optimality); only D-optimality does not depend on the units of the parameters.
+/// Columns of the observation matrix beside those that the present joint motion gives: derivatives
+/// of the torque by the parameters and constants of effects, at nominal values. A motion that makes
+/// a criterion of them small is good for parameters near these values (local optimality); only
+/// D-optimality does not depend on the units of the parameters.
 ///
-/// Parameters that no motion can tell from the base parameters, such as those of a payload that is never put down, have
-/// no column: [`NominalEffects::hidden`].
+/// Parameters that no motion can tell from the base parameters, such as those of a payload that is
+/// never put down, have no column: [`NominalEffects::hidden`].
 ///
-/// Source: V. V. Fedorov, Theory of Optimal Experiments (1972), section 1.3, on locally optimal designs.
+/// Source: V. V. Fedorov, Theory of Optimal Experiments (1972), section 1.3, on locally optimal
+/// designs.
 #[derive(Clone, Debug)]
 pub struct NominalEffects {
     model: TorqueModel,
@@ -50,7 +53,8 @@ const ROUNDING: f64 = 1e-12;
 /// Random motions by which columns are compared.
 const MOTIONS: u64 = 3;
 
-/// Samples per second that effects with hidden states need: those of the library move at up to 25 Hz.
+/// Samples per second that effects with hidden states need: those of the library move at up to 25
+/// Hz.
 pub(super) const RATE_HZ: f64 = 100.0;
 
 impl NominalEffects {
@@ -70,27 +74,40 @@ impl NominalEffects {
         let model = TorqueModel::with_parameters(robot, &names, parameters.to_vec());
         let model = model.expect("effects of a set").with_terms(terms, Some(0));
         let mut all = Self { columns: columns_of(&model), model, hidden: vec![] };
-        let motions: Vec<TrajectorySamples> = (0..MOTIONS).map(|seed| some_motion(robot, duration, seed)).collect();
+        let motions: Vec<TrajectorySamples> =
+            (0..MOTIONS).map(|seed| some_motion(robot, duration, seed)).collect();
         let mut known = base_columns(robot, set, base, &motions);
         let mut own: Vec<Vec<f64>> = vec![vec![]; all.columns.len()];
         for motion in &motions {
-            own.iter_mut().zip(all.values_along(motion)).for_each(|(column, part)| column.extend(part));
+            own.iter_mut()
+                .zip(all.values_along(motion))
+                .for_each(|(column, part)| column.extend(part));
         }
         all.silence_rounding(&mut own);
         let kept = independent(&mut known, own);
-        all.hidden = (0..kept.len()).filter(|k| !kept[*k]).map(|k| all.name(&all.columns[k])).collect();
-        let kept = all.columns.iter().zip(kept).filter(|(_, kept)| *kept).map(|(column, _)| *column).collect();
+        all.hidden =
+            (0..kept.len()).filter(|k| !kept[*k]).map(|k| all.name(&all.columns[k])).collect();
+        let kept = all
+            .columns
+            .iter()
+            .zip(kept)
+            .filter(|(_, kept)| *kept)
+            .map(|(column, _)| *column)
+            .collect();
         all.columns = kept;
         all
     }
 
-    /// Sets columns of coefficients to zero that are rounding beside those of other coefficients of their term.
+    /// Sets columns of coefficients to zero that are rounding beside those of other coefficients of
+    /// their term.
     fn silence_rounding(&self, columns: &mut [Vec<f64>]) {
         let squares: Vec<f64> = columns.iter().map(|column| dot(column, column)).collect();
         let coefficient = |index: &usize| matches!(self.columns[*index].of, Of::Coefficient(_));
         for index in (0..columns.len()).filter(coefficient) {
             let term = self.columns[index].term;
-            let of_term = (0..columns.len()).filter(coefficient).filter(|other| self.columns[*other].term == term);
+            let of_term = (0..columns.len())
+                .filter(coefficient)
+                .filter(|other| self.columns[*other].term == term);
             let largest = of_term.map(|other| squares[other]).fold(0.0, f64::max);
             if squares[index] <= ROUNDING * ROUNDING * largest {
                 columns[index].fill(0.0);
@@ -149,9 +166,13 @@ impl NominalEffects {
         format!("{}{symbol} ({})", term.prefix(self.model.robot()), term.effect.name())
     }
 
-    /// The link that a column goes with where links are looked at one by one: the last one for the whole arm.
+    /// The link that a column goes with where links are looked at one by one: the last one for the
+    /// whole arm.
     pub(super) fn link(&self, column: usize) -> usize {
-        self.model.terms()[self.columns[column].term].site.joint().unwrap_or(self.model.robot().dof() - 1)
+        self.model.terms()[self.columns[column].term]
+            .site
+            .joint()
+            .unwrap_or(self.model.robot().dof() - 1)
     }
 
     /// Values along evenly spaced samples, `[samples, n]` each.
@@ -178,7 +199,9 @@ impl NominalEffects {
                     let (_, columns) = of_term.as_ref().expect("just set");
                     out.push(self.spread(term, &columns[*parameter], n, rate_hz));
                 }
-                Of::Constant(constant, values) => out.push(self.slope(*index, *constant, *values, &motion, &context)),
+                Of::Constant(constant, values) => {
+                    out.push(self.slope(*index, *constant, *values, &motion, &context))
+                }
             }
         }
         out
@@ -205,11 +228,15 @@ impl NominalEffects {
             let columns = moved.columns(context);
             let mut torque = vec![0.0; columns.first().map_or(0, Vec::len)];
             for (column, coefficient) in columns.iter().zip(&term.coefficients) {
-                torque.iter_mut().zip(column).for_each(|(torque, value)| *torque += coefficient * value);
+                torque
+                    .iter_mut()
+                    .zip(column)
+                    .for_each(|(torque, value)| *torque += coefficient * value);
             }
             self.spread(term, &torque, self.model.robot().dof(), motion.rate_hz)
         });
-        let change: Vec<f64> = above.iter().zip(&below).map(|(above, below)| above - below).collect();
+        let change: Vec<f64> =
+            above.iter().zip(&below).map(|(above, below)| above - below).collect();
         if dot(&change, &change) <= ROUNDING * ROUNDING * dot(&above, &above) {
             return vec![0.0; change.len()];
         }
@@ -224,14 +251,25 @@ impl NominalEffects {
             Reach::Own => {
                 let joint = term.site.joint().expect("it reaches its own joint");
                 let mut all = vec![0.0; column.len() * n];
-                all.iter_mut().skip(joint).step_by(n).zip(column).for_each(|(all, value)| *all = *value);
+                all.iter_mut()
+                    .skip(joint)
+                    .step_by(n)
+                    .zip(column)
+                    .for_each(|(all, value)| *all = *value);
                 all
             }
         };
         for transform in self.model.terms().iter().filter(|term| term.is_transform()) {
             for joint in 0..n {
                 let mut own: Vec<f64> = all.iter().skip(joint).step_by(n).copied().collect();
-                transform.effect.transmit(transform.site, &transform.constants, joint, rate_hz, &mut own, 1);
+                transform.effect.transmit(
+                    transform.site,
+                    &transform.constants,
+                    joint,
+                    rate_hz,
+                    &mut own,
+                    1,
+                );
                 all.iter_mut().skip(joint).step_by(n).zip(own).for_each(|(all, own)| *all = own);
             }
         }
@@ -239,22 +277,33 @@ impl NominalEffects {
     }
 }
 
-/// The terms of an effect at all its sites, with values in the middle of what is known of them; coefficients are one.
+/// The terms of an effect at all its sites, with values in the middle of what is known of them;
+/// coefficients are one.
 ///
 /// - `duration`: of the motion, s
 ///
 /// # Errors
-/// If no motion of this robot can show the effect: it needs another channel, is found before any physics, or has no place.
-pub fn nominal_terms(robot: &Robot, effect: &Arc<dyn Effect>, duration: f64) -> Result<Vec<Term>, ExcitationError> {
+/// If no motion of this robot can show the effect: it needs another channel, is found before any
+/// physics, or has no place.
+pub fn nominal_terms(
+    robot: &Robot,
+    effect: &Arc<dyn Effect>,
+    duration: f64,
+) -> Result<Vec<Term>, ExcitationError> {
     let refuse = |reason: String| ExcitationError::Effect { name: effect.name().into(), reason };
     if effect.entry() == Entry::Gate {
-        return Err(refuse("it is found by checks of a log before any physics, and no motion shows it better".into()));
+        return Err(refuse(
+            "it is found by checks of a log before any physics, and no motion shows it better"
+                .into(),
+        ));
     }
     let motion = some_motion(robot, duration, 0);
     let mut torque = vec![0.0; motion.q.len()];
     let samples = Samples { q: &motion.q, dq: &motion.dq, ddq: &motion.ddq };
     rnea_batch(robot, &mut BatchWorkspace::new(robot), samples, &mut torque);
-    let context = Context::new(robot, RATE_HZ, &motion.time, samples).with_rigid_torque(&torque).with_torque(&torque);
+    let context = Context::new(robot, RATE_HZ, &motion.time, samples)
+        .with_rigid_torque(&torque)
+        .with_torque(&torque);
     if let Some(reason) = effect.not_testable(&context) {
         return Err(refuse(format!("a motion alone does not show it: {reason}")));
     }
@@ -272,7 +321,9 @@ pub fn nominal_terms(robot: &Robot, effect: &Arc<dyn Effect>, duration: f64) -> 
             match (constant.scale, middle(constant)) {
                 (Scale::Position, share) => low + share * (high - low),
                 (Scale::PositionWidth, share) => share * (high - low),
-                (Scale::Torque, share) => share * context.rms(&torque, joint).max(f64::MIN_POSITIVE),
+                (Scale::Torque, share) => {
+                    share * context.rms(&torque, joint).max(f64::MIN_POSITIVE)
+                }
                 (Scale::Time, _) => {
                     time += 1;
                     duration * time as f64 / (times + 1) as f64
@@ -290,7 +341,9 @@ pub fn nominal_terms(robot: &Robot, effect: &Arc<dyn Effect>, duration: f64) -> 
 /// The middle of the grid; without one that of the bounds, or one.
 fn middle(constant: &Constant) -> f64 {
     match constant.grid {
-        [] if constant.low > 0.0 && constant.high.is_finite() => (constant.low * constant.high).sqrt(),
+        [] if constant.low > 0.0 && constant.high.is_finite() => {
+            (constant.low * constant.high).sqrt()
+        }
         [] => 1.0,
         grid => grid[grid.len() / 2],
     }
@@ -318,7 +371,9 @@ fn columns_of(model: &TorqueModel) -> Vec<TermColumn> {
                 _ => 1e-4 * value.abs().max(1e-3),
             };
             let [low, high] = match constant.scale {
-                Scale::Position | Scale::PositionWidth | Scale::Torque => [f64::NEG_INFINITY, f64::INFINITY],
+                Scale::Position | Scale::PositionWidth | Scale::Torque => {
+                    [f64::NEG_INFINITY, f64::INFINITY]
+                }
                 _ => [constant.low, constant.high],
             };
             Of::Constant(index, [(value - step).max(low), (value + step).min(high)])
@@ -330,7 +385,11 @@ fn columns_of(model: &TorqueModel) -> Vec<TermColumn> {
 
 /// Position limits of a joint; a turn if it has none.
 fn range(robot: &Robot, joint: usize) -> [f64; 2] {
-    robot.joints()[joint].limits.position.filter(|[low, high]| (high - low).is_finite()).unwrap_or([-PI, PI])
+    robot.joints()[joint]
+        .limits
+        .position
+        .filter(|[low, high]| (high - low).is_finite())
+        .unwrap_or([-PI, PI])
 }
 
 /// A smooth motion of all joints, wide and fast enough to show what an effect does.
@@ -377,9 +436,9 @@ fn push_if_independent(known: &mut Vec<Vec<f64>>, column: Vec<f64>) {
     independent(known, vec![column]);
 }
 
-/// Which columns are no combinations of `known` ones, which are orthonormal, and of each other. The one that the others
-/// leave most of comes first, so that of a combination the column goes that says least beside the others. What is kept
-/// is added to the known columns.
+/// Which columns are no combinations of `known` ones, which are orthonormal, and of each other. The
+/// one that the others leave most of comes first, so that of a combination the column goes that
+/// says least beside the others. What is kept is added to the known columns.
 fn independent(known: &mut Vec<Vec<f64>>, mut columns: Vec<Vec<f64>>) -> Vec<bool> {
     let mut kept = vec![false; columns.len()];
     for column in &mut columns {
@@ -403,7 +462,11 @@ fn independent(known: &mut Vec<Vec<f64>>, mut columns: Vec<Vec<f64>>) -> Vec<boo
         direction.iter_mut().for_each(|value| *value /= length);
         known.push(direction);
         let direction = &known[known.len() - 1..];
-        columns.iter_mut().zip(&kept).filter(|(_, kept)| !**kept).for_each(|(column, _)| take_away(direction, column));
+        columns
+            .iter_mut()
+            .zip(&kept)
+            .filter(|(_, kept)| !**kept)
+            .for_each(|(column, _)| take_away(direction, column));
     }
     kept
 }

@@ -18,8 +18,8 @@ use super::peaks::suprema;
 use super::problem::{MotionGrid, MotionProblem, SIGN_WIDTH, Sharpness, TorqueLimits, trajectory};
 use super::surroundings::Checker;
 use super::{
-    Basis, Criterion, ExcitationError, ExcitationReport, MotionLimits, NominalEffects, Peaks, Surroundings, Trajectory,
-    evaluate, forecast, peaks,
+    Basis, Criterion, ExcitationError, ExcitationReport, MotionLimits, NominalEffects, Peaks,
+    Surroundings, Trajectory, evaluate, forecast, peaks,
 };
 use crate::dynamics::{Workspace, gravity_torque};
 use crate::effects::Role;
@@ -30,7 +30,9 @@ use crate::simulation::{NormalNumbers, Reference};
 
 /// Names of the effects that a motion is to reveal beside the rigid body unless others are named.
 pub fn usual_effects() -> Vec<String> {
-    [Role::ViscousFriction, Role::DryFriction].map(|role| with_role(role).name().to_string()).to_vec()
+    [Role::ViscousFriction, Role::DryFriction]
+        .map(|role| with_role(role).name().to_string())
+        .to_vec()
 }
 
 /// What to search for, and how hard.
@@ -46,11 +48,14 @@ pub struct ExciteOptions {
     pub limits: MotionLimits,
     /// Where the motion starts and ends, `[n]`, rad (m); [`MotionLimits::default_start`] if `None`.
     pub start: Option<Vec<f64>>,
-    /// Standard deviations of the torque noise, `[n]`, N·m (N), which weigh the joints; all alike if `None`.
+    /// Standard deviations of the torque noise, `[n]`, N·m (N), which weigh the joints; all alike
+    /// if `None`.
     pub noise: Option<Vec<f64>>,
-    /// Parameters of the set that torque limits are checked with; those of the robot file if `None`.
+    /// Parameters of the set that torque limits are checked with; those of the robot file if
+    /// `None`.
     pub parameters: Option<Vec<f64>>,
-    /// Effects that depend on the whole motion or enter nonlinearly, whose parameters shall be revealed too.
+    /// Effects that depend on the whole motion or enter nonlinearly, whose parameters shall be
+    /// revealed too.
     pub nominal: Option<NominalEffects>,
     /// What is around the arm, if anything.
     pub surroundings: Option<Surroundings>,
@@ -135,8 +140,8 @@ pub struct Excitation {
 /// Random motions that are looked at for each search, of which the best is taken.
 const DRAWS: usize = 16;
 
-/// Grid points per turn of the fastest component: a product of two components turns twice as fast, and the criterion
-/// is an average over all of them.
+/// Grid points per turn of the fastest component: a product of two components turns twice as fast,
+/// and the criterion is an average over all of them.
 const POINTS_PER_TURN: f64 = 16.0;
 
 /// From easy to true: smooth condition number and smooth limits.
@@ -148,14 +153,15 @@ const STAGES: [Sharpness; 3] = [
 
 /// Searches for the motion of a basis that makes the criterion smallest within the limits.
 ///
-/// Sequential quadratic programming (the crate `slsqp`) from several random motions, on smooth forms of criterion and
-/// limits that are sharpened in three stages, with derivatives of the regressor recursion. Whatever the search returns
-/// is then scaled about its start until its largest values in continuous time are at the limits. `progress` hears of
-/// the evaluations of all searches; if it stops the work, the best motion so far is the result.
+/// Sequential quadratic programming (the crate `slsqp`) from several random motions, on smooth
+/// forms of criterion and limits that are sharpened in three stages, with derivatives of the
+/// regressor recursion. Whatever the search returns is then scaled about its start until its
+/// largest values in continuous time are at the limits. `progress` hears of the evaluations of all
+/// searches; if it stops the work, the best motion so far is the result.
 ///
 /// # Errors
-/// If a limit or an option has no meaning, the start position breaks a limit, no motion found excites all base
-/// parameters, or the work is stopped before there is any motion.
+/// If a limit or an option has no meaning, the start position breaks a limit, no motion found
+/// excites all base parameters, or the work is stopped before there is any motion.
 ///
 /// # Examples
 /// ```
@@ -241,7 +247,8 @@ pub fn random_motion(
     let motion = random_variables(&mut NormalNumbers::new(seed), robot.dof(), &free, basis);
     let motion = trajectory(basis, &free, start, &motion);
     let set = ParameterSet::new(robot, &[] as &[&str]).expect("no effects");
-    let used = peaks(robot, &set, &robot.standard_parameters(), &motion).motion_utilisation(limits, start);
+    let used =
+        peaks(robot, &set, &robot.standard_parameters(), &motion).motion_utilisation(limits, start);
     Ok(motion.scaled(WITHIN / used))
 }
 
@@ -252,7 +259,12 @@ const WITHIN: f64 = 1.0 - 1e-9;
 const STILL: f64 = 1e-4;
 
 /// Normally distributed, every component of the motion alike in acceleration.
-fn random_variables(noise: &mut NormalNumbers, n: usize, free: &[Vec<f64>], basis: &Basis) -> Vec<f64> {
+fn random_variables(
+    noise: &mut NormalNumbers,
+    n: usize,
+    free: &[Vec<f64>],
+    basis: &Basis,
+) -> Vec<f64> {
     let middle = 0.37 * basis.duration();
     let mut functions = [vec![0.0; basis.len()], vec![0.0; basis.len()], vec![0.0; basis.len()]];
     let [value, slope, curvature] = &mut functions;
@@ -303,7 +315,11 @@ impl<'a> MotionSearch<'a> {
         require_noise(robot, options.noise.as_deref())?;
         for (option, value) in [("starts", options.starts), ("evaluations", options.evaluations)] {
             if value == 0 {
-                return Err(ExcitationError::InvalidOption { option, value: 0.0, expected: "one or more" });
+                return Err(ExcitationError::InvalidOption {
+                    option,
+                    value: 0.0,
+                    expected: "one or more",
+                });
             }
         }
         let start = options.start.clone().unwrap_or_else(|| options.limits.default_start());
@@ -330,9 +346,16 @@ impl<'a> MotionSearch<'a> {
         let enough = (POINTS_PER_TURN * turns).max(2.0 * unknowns as f64 / robot.dof() as f64);
         let points = enough.max(in_time).ceil() as usize;
         Ok(Self {
-            objective: Objective::new(options.criterion, robot, set, base, options.nominal.as_ref()),
+            objective: Objective::new(
+                options.criterion,
+                robot,
+                set,
+                base,
+                options.nominal.as_ref(),
+            ),
             plain: Objective::new(options.criterion, robot, set, base, None),
-            torque: torque.map(|limits| TorqueLimits { limits, base_parameters: base.combine(&parameters) }),
+            torque: torque
+                .map(|limits| TorqueLimits { limits, base_parameters: base.combine(&parameters) }),
             grid: MotionGrid::new(&options.basis, &free, points),
             limit_grid: MotionGrid::new(&options.basis, &free, 2 * points),
             robot,
@@ -355,7 +378,14 @@ impl<'a> MotionSearch<'a> {
 
     fn information(&self, nominal: Option<&'a NominalEffects>, smoothing: f64) -> Information<'a> {
         let nominal = nominal.map(|nominal| nominal as &dyn BesideBase);
-        Information::new(self.robot, self.set, self.base, nominal, self.options.noise.as_deref(), smoothing)
+        Information::new(
+            self.robot,
+            self.set,
+            self.base,
+            nominal,
+            self.options.noise.as_deref(),
+            smoothing,
+        )
     }
 
     /// With the nominal effects or without.
@@ -374,15 +404,17 @@ impl<'a> MotionSearch<'a> {
         }
     }
 
-    /// One search. With nominal effects it is two of half the length, one of them without these effects, on a smooth
-    /// criterion: jumps of friction can keep the other from getting anywhere.
+    /// One search. With nominal effects it is two of half the length, one of them without these
+    /// effects, on a smooth criterion: jumps of friction can keep the other from getting anywhere.
     fn from(&self, start: usize, stop: &AtomicBool, done: &AtomicUsize) -> SearchResult {
         let mut problem = self.problem(None);
-        let mut noise =
-            NormalNumbers::new(self.options.seed.wrapping_mul(0x9E37_79B9_7F4A_7C15).wrapping_add(start as u64));
+        let mut noise = NormalNumbers::new(
+            self.options.seed.wrapping_mul(0x9E37_79B9_7F4A_7C15).wrapping_add(start as u64),
+        );
         let mut draw = || {
             let x = random_variables(&mut noise, self.robot.dof(), &self.free, &self.options.basis);
-            let motion = self.scaled(trajectory(&self.options.basis, &self.free, &self.start, &x), None);
+            let motion =
+                self.scaled(trajectory(&self.options.basis, &self.free, &self.start, &x), None);
             let factor = motion.1;
             let x: Vec<f64> = x.iter().map(|x| 0.8 * factor * x).collect();
             (problem.value(&x, None), x)
@@ -395,12 +427,14 @@ impl<'a> MotionSearch<'a> {
             }
         }
         let result = |x: &[f64], history: Vec<SearchStep>| {
-            let (motion, _) = self.scaled(trajectory(&self.options.basis, &self.free, &self.start, x), Some(()));
+            let (motion, _) =
+                self.scaled(trajectory(&self.options.basis, &self.free, &self.start, x), Some(()));
             SearchResult { start, value: self.value(&motion), trajectory: motion, history }
         };
         let condition = self.objective.is_condition();
         let descent = || Descent { start, condition, stop, done, history: vec![] };
-        let Some(nominal) = self.options.nominal.as_ref().filter(|nominal| !nominal.is_empty()) else {
+        let Some(nominal) = self.options.nominal.as_ref().filter(|nominal| !nominal.is_empty())
+        else {
             let (x, history) = descent().in_stages(&mut problem, best.1, self.options.evaluations);
             return result(&x, history);
         };
@@ -410,11 +444,15 @@ impl<'a> MotionSearch<'a> {
         let rest = (self.options.evaluations - half).max(1);
         let (x, history) = descent().in_stages(&mut self.problem(Some(nominal)), best.1, rest);
         let with = result(&x, history);
-        if with.value <= without.value { with } else { SearchResult { history: with.history, ..without } }
+        if with.value <= without.value {
+            with
+        } else {
+            SearchResult { history: with.history, ..without }
+        }
     }
 
-    /// The motion scaled about its start so that its peaks are at the limits, and the factor; with `all`, torque and
-    /// surroundings too.
+    /// The motion scaled about its start so that its peaks are at the limits, and the factor; with
+    /// `all`, torque and surroundings too.
     fn scaled(&self, motion: Trajectory, all: Option<()>) -> (Trajectory, f64) {
         let limits = &self.options.limits;
         let of = |motion: &Trajectory| peaks(self.robot, self.set, &self.parameters, motion);
@@ -422,8 +460,8 @@ impl<'a> MotionSearch<'a> {
         if all.is_none() || (limits.torque.is_none() && self.checker().is_none()) {
             return (motion.scaled(factor), factor);
         }
-        // Torque and distance are no linear functions of the motion: bisection between a smaller motion that keeps
-        // within its limits, in the end standing still, and the whole one.
+        // Torque and distance are no linear functions of the motion: bisection between a smaller
+        // motion that keeps within its limits, in the end standing still, and the whole one.
         let fits = |factor: f64| self.utilisation(&motion.clone().scaled(factor)) <= WITHIN.sqrt();
         if !fits(factor) {
             let (mut low, mut high) = (0.0, factor);
@@ -442,15 +480,17 @@ impl<'a> MotionSearch<'a> {
 
     /// The largest share of any limit, over continuous time.
     fn utilisation(&self, motion: &Trajectory) -> f64 {
-        let used = peaks(self.robot, self.set, &self.parameters, motion).utilisation(&self.options.limits);
+        let used =
+            peaks(self.robot, self.set, &self.parameters, motion).utilisation(&self.options.limits);
         self.shares_of_surroundings(motion).into_iter().fold(used, f64::max)
     }
 
     /// The limit of which a motion uses the largest share.
     fn tightest(&self, motion: &Trajectory, peaks: &Peaks) -> String {
-        let of_joints = peaks.shares(&self.options.limits).into_iter().map(|(quantity, joint, share)| {
-            (share, format!("{quantity} of joint `{}`", self.robot.joints()[joint].name))
-        });
+        let of_joints =
+            peaks.shares(&self.options.limits).into_iter().map(|(quantity, joint, share)| {
+                (share, format!("{quantity} of joint `{}`", self.robot.joints()[joint].name))
+            });
         let names = self.checker();
         let around = self.shares_of_surroundings(motion).into_iter().enumerate();
         let around = around.filter_map(|(index, share)| Some((share, names.as_ref()?.name(index))));
@@ -476,7 +516,9 @@ impl<'a> MotionSearch<'a> {
         let peaks = peaks(self.robot, self.set, &self.parameters, motion);
         let limits = &self.options.limits;
         let ranges = peaks.position.iter().zip(&limits.position);
-        let room = ranges.map(|([least, largest], [low, high])| (largest - least) / (high - low)).fold(0.0, f64::max);
+        let room = ranges
+            .map(|([least, largest], [low, high])| (largest - least) / (high - low))
+            .fold(0.0, f64::max);
         if room >= STILL {
             return None;
         }
@@ -490,7 +532,11 @@ impl<'a> MotionSearch<'a> {
         self.objective.value_and_derivative(&information.matrix(), None).0
     }
 
-    fn best(&self, mut results: Vec<SearchResult>, stopped: bool) -> Result<Excitation, ExcitationError> {
+    fn best(
+        &self,
+        mut results: Vec<SearchResult>,
+        stopped: bool,
+    ) -> Result<Excitation, ExcitationError> {
         results.sort_by_key(|result| result.start);
         let mut values = vec![f64::INFINITY; self.options.starts];
         for result in &results {
@@ -501,22 +547,33 @@ impl<'a> MotionSearch<'a> {
             return Err(Interrupted.into());
         };
         let noise = self.options.noise.as_deref();
-        let report =
-            evaluate(self.robot, self.set, self.base, self.options.nominal.as_ref(), &dense(&best.trajectory), noise)?;
+        let report = evaluate(
+            self.robot,
+            self.set,
+            self.base,
+            self.options.nominal.as_ref(),
+            &dense(&best.trajectory),
+            noise,
+        )?;
         if !best.value.is_finite() {
             let (rank, expected) = (report.rank, report.singular_values.len());
             return Err(match rank < expected {
-                true => self.limit_without_room(&best.trajectory).unwrap_or(ExcitationError::RankDeficient {
-                    rank,
-                    expected,
-                    names: report.not_told_apart,
-                }),
+                true => self.limit_without_room(&best.trajectory).unwrap_or(
+                    ExcitationError::RankDeficient { rank, expected, names: report.not_told_apart },
+                ),
                 false => ExcitationError::Units { criterion: self.options.criterion.name() },
             });
         }
         let peaks = peaks(self.robot, self.set, &self.parameters, &best.trajectory);
         Ok(Excitation {
-            forecast: forecast(self.robot, self.set, self.base, &best.trajectory, &self.parameters, noise)?,
+            forecast: forecast(
+                self.robot,
+                self.set,
+                self.base,
+                &best.trajectory,
+                &self.parameters,
+                noise,
+            )?,
             utilisation: self.utilisation(&best.trajectory),
             tightest: self.tightest(&best.trajectory, &peaks),
             value: best.value,
@@ -565,8 +622,8 @@ impl Descent<'_> {
     fn descend(&mut self, problem: &mut MotionProblem<'_>, x: Vec<f64>, most: usize) -> Vec<f64> {
         let Self { start, condition, stop, done, ref mut history } = *self;
         let constraints = problem.constraints();
-        // Iterates of sequential quadratic programming lie just outside of their limits as often as inside: the best one
-        // is that which is best once it has been made small enough.
+        // Iterates of sequential quadratic programming lie just outside of their limits as often as
+        // inside: the best one is that which is best once it has been made small enough.
         let best = RefCell::new((f64::INFINITY, x.clone()));
         let shared = RefCell::new((problem, history));
         let value = |x: &[f64], gradient: Option<&mut [f64]>, (): &mut ()| {
@@ -596,7 +653,8 @@ impl Descent<'_> {
                 }
             })
             .collect();
-        let tolerances = StopTols { ftol_rel: 1e-7, ftol_abs: 1e-7, xtol_rel: 1e-7, ..StopTols::default() };
+        let tolerances =
+            StopTols { ftol_rel: 1e-7, ftol_abs: 1e-7, xtol_rel: 1e-7, ..StopTols::default() };
         let bounds = vec![(f64::NEG_INFINITY, f64::INFINITY); x.len()];
         // However it ends, its best iterate is what counts.
         let _ = minimize(value, &x, &bounds, &limits, (), most, Some(tolerances));
@@ -604,14 +662,23 @@ impl Descent<'_> {
     }
 }
 
-/// Samples over one duration, a hundred per turn of the fastest component, close enough for effects with a memory.
+/// Samples over one duration, a hundred per turn of the fastest component, close enough for effects
+/// with a memory.
 fn dense(motion: &Trajectory) -> super::TrajectorySamples {
     motion.samples((100.0 / motion.basis().shortest_time()).max(RATE_HZ), motion.duration())
 }
 
-fn require_start(robot: &Robot, limits: &MotionLimits, start: &[f64]) -> Result<(), ExcitationError> {
+fn require_start(
+    robot: &Robot,
+    limits: &MotionLimits,
+    start: &[f64],
+) -> Result<(), ExcitationError> {
     if start.len() != robot.dof() {
-        return Err(ExcitationError::Length { what: "start", expected: robot.dof(), found: start.len() });
+        return Err(ExcitationError::Length {
+            what: "start",
+            expected: robot.dof(),
+            found: start.len(),
+        });
     }
     for ((joint, &value), &[low, high]) in robot.joint_names().zip(start).zip(&limits.position) {
         if !(low < value && value < high) {
@@ -645,7 +712,11 @@ fn require_start_torque(
     Ok(())
 }
 
-fn require_start_clearance(robot: &Robot, cell: &Surroundings, start: &[f64]) -> Result<(), ExcitationError> {
+fn require_start_clearance(
+    robot: &Robot,
+    cell: &Surroundings,
+    start: &[f64],
+) -> Result<(), ExcitationError> {
     let mut checker = Checker::new(robot, cell);
     let mut shares = vec![0.0; checker.len()];
     checker.shares(start, &vec![0.0; start.len()], &mut shares);

@@ -26,14 +26,19 @@ pub struct Peaks {
 /// Grid points per turn of the fastest component; between them the peaks are refined.
 const POINTS_PER_TURN: f64 = 48.0;
 
-/// Largest values of a motion: a fine grid, and around each of its local maxima a golden-section search, which leaves
-/// rounding.
+/// Largest values of a motion: a fine grid, and around each of its local maxima a golden-section
+/// search, which leaves rounding.
 ///
 /// - `parameters`: of `set`, what the torque is computed with
 ///
 /// # Panics
 /// If `parameters` has another length than the set.
-pub fn peaks(robot: &Robot, set: &ParameterSet, parameters: &[f64], trajectory: &Trajectory) -> Peaks {
+pub fn peaks(
+    robot: &Robot,
+    set: &ParameterSet,
+    parameters: &[f64],
+    trajectory: &Trajectory,
+) -> Peaks {
     assert_eq!(parameters.len(), set.len(), "every parameter of the set");
     let n = robot.dof();
     let moving = robot.clone().with_standard_parameters(&parameters[..set.inertial()]);
@@ -54,14 +59,16 @@ pub fn peaks(robot: &Robot, set: &ParameterSet, parameters: &[f64], trajectory: 
             tau[joint] = tau[joint].abs();
         }
     };
-    let highest = suprema(5 * n, trajectory.duration(), trajectory.basis().shortest_time(), &mut values);
+    let highest =
+        suprema(5 * n, trajectory.duration(), trajectory.basis().shortest_time(), &mut values);
     let part = |k: usize| highest[k * n..(k + 1) * n].to_vec();
     let position = part(0).into_iter().zip(part(1)).map(|(high, low)| [-low, high]).collect();
     Peaks { position, velocity: part(2), acceleration: part(3), torque: part(4) }
 }
 
 impl Peaks {
-    /// The largest share of a limit that the motion uses; one or less if it keeps within all of them.
+    /// The largest share of a limit that the motion uses; one or less if it keeps within all of
+    /// them.
     pub fn utilisation(&self, limits: &MotionLimits) -> f64 {
         self.shares(limits).into_iter().map(|(_, _, share)| share).fold(0.0, f64::max)
     }
@@ -72,7 +79,8 @@ impl Peaks {
         let mut shares = Vec::new();
         for joint in 0..self.velocity.len() {
             let [least, largest] = self.position[joint];
-            let position = limits.position_share(joint, largest).max(-limits.position_share(joint, least));
+            let position =
+                limits.position_share(joint, largest).max(-limits.position_share(joint, least));
             shares.push(("position", joint, position));
         }
         for (quantity, peaks, limits) in [
@@ -80,20 +88,28 @@ impl Peaks {
             ("acceleration", &self.acceleration, &limits.acceleration),
             ("torque", &self.torque, torque),
         ] {
-            shares.extend(peaks.iter().zip(limits).enumerate().map(|(k, (peak, limit))| (quantity, k, peak / limit)));
+            shares.extend(
+                peaks
+                    .iter()
+                    .zip(limits)
+                    .enumerate()
+                    .map(|(k, (peak, limit))| (quantity, k, peak / limit)),
+            );
         }
         shares
     }
 
-    /// The largest share of a limit other than torque, about `start`, so that a motion scaled by its inverse keeps within
-    /// these limits.
+    /// The largest share of a limit other than torque, about `start`, so that a motion scaled by
+    /// its inverse keeps within these limits.
     pub(super) fn motion_utilisation(&self, limits: &MotionLimits, start: &[f64]) -> f64 {
         let mut most = 0.0f64;
         for (joint, &q) in start.iter().enumerate() {
             let ([low, high], [least, largest]) = (limits.position[joint], self.position[joint]);
             let [up, down] = [(largest - q) / (high - q), (q - least) / (q - low)];
-            let [speed, acceleration] =
-                [self.velocity[joint] / limits.velocity[joint], self.acceleration[joint] / limits.acceleration[joint]];
+            let [speed, acceleration] = [
+                self.velocity[joint] / limits.velocity[joint],
+                self.acceleration[joint] / limits.acceleration[joint],
+            ];
             most = most.max(up).max(down).max(speed).max(acceleration);
         }
         most
@@ -127,7 +143,11 @@ pub(super) fn suprema(
         let candidate = most - 0.05 * (most - least);
         for k in 1..intervals {
             if at(k) >= candidate && at(k) >= at(k - 1) && at(k) >= at(k + 1) {
-                most = most.max(golden_section(&mut one, (k - 1) as f64 * step, (k + 1) as f64 * step));
+                most = most.max(golden_section(
+                    &mut one,
+                    (k - 1) as f64 * step,
+                    (k + 1) as f64 * step,
+                ));
             }
         }
         found.push(most);
@@ -174,7 +194,11 @@ mod tests {
         let dense = motion.samples(400_000.0 * 0.37, motion.duration());
         for joint in 0..2 {
             let most = |values: &[f64], sign: f64| {
-                values.iter().skip(joint).step_by(2).fold(f64::NEG_INFINITY, |most, x| most.max(sign * x))
+                values
+                    .iter()
+                    .skip(joint)
+                    .step_by(2)
+                    .fold(f64::NEG_INFINITY, |most, x| most.max(sign * x))
             };
             let size = |values: &[f64]| most(values, 1.0).max(most(values, -1.0));
             assert!((found.position[joint][1] - most(&dense.q, 1.0)).abs() < 1e-9);

@@ -1,4 +1,5 @@
-//! The constrained problem that an optimiser solves: criterion and limits as smooth functions with derivatives.
+//! The constrained problem that an optimiser solves: criterion and limits as smooth functions with
+//! derivatives.
 
 use faer::Mat;
 
@@ -19,9 +20,11 @@ pub(super) struct MotionGrid {
 
 impl MotionGrid {
     pub fn new(basis: &Basis, free: &[Vec<f64>], points: usize) -> Self {
-        let time: Vec<f64> = (0..points).map(|k| (k as f64 + 0.5) * basis.duration() / points as f64).collect();
+        let time: Vec<f64> =
+            (0..points).map(|k| (k as f64 + 0.5) * basis.duration() / points as f64).collect();
         let mut tables = [vec![], vec![], vec![]];
-        let mut functions = [vec![0.0; basis.len()], vec![0.0; basis.len()], vec![0.0; basis.len()]];
+        let mut functions =
+            [vec![0.0; basis.len()], vec![0.0; basis.len()], vec![0.0; basis.len()]];
         for &time in &time {
             let [value, slope, curvature] = &mut functions;
             basis.evaluate(time, [value, slope, curvature]);
@@ -106,16 +109,19 @@ const WORTHLESS: f64 = 1e3;
 impl MotionProblem<'_> {
     /// Number of constraints.
     pub fn constraints(&self) -> usize {
-        3 * self.start.len() + usize::from(self.torque.is_some()) + usize::from(self.surroundings.is_some())
+        3 * self.start.len()
+            + usize::from(self.torque.is_some())
+            + usize::from(self.surroundings.is_some())
     }
 
-    /// The largest constraint, if it is above zero: by how much of a limit the smooth maximum exceeds it.
+    /// The largest constraint, if it is above zero: by how much of a limit the smooth maximum
+    /// exceeds it.
     pub fn violation(&mut self, x: &[f64]) -> f64 {
         (0..self.constraints()).map(|index| self.constraint(index, x, None)).fold(0.0, f64::max)
     }
 
-    /// What the criterion loses per share by which a motion has to be made smaller: all entries of W shrink together in
-    /// a determinant; a condition number hardly changes.
+    /// What the criterion loses per share by which a motion has to be made smaller: all entries of
+    /// W shrink together in a determinant; a condition number hardly changes.
     pub fn price_of_scaling(&self) -> f64 {
         if self.objective.is_condition() { 2.0 } else { 4.0 * self.information.parameters() as f64 }
     }
@@ -127,8 +133,9 @@ impl MotionProblem<'_> {
             return WORTHLESS;
         }
         self.information.observe(&samples);
-        let (value, mut by_matrix) =
-            self.objective.value_and_derivative(&self.information.matrix(), Some(self.sharpness.power));
+        let (value, mut by_matrix) = self
+            .objective
+            .value_and_derivative(&self.information.matrix(), Some(self.sharpness.power));
         if !value.is_finite() {
             if let Some(gradient) = gradient {
                 gradient.fill(0.0);
@@ -150,17 +157,24 @@ impl MotionProblem<'_> {
         result
     }
 
-    /// Adds the share of the nominal effects to the derivative of the criterion, by differences along the variables: their
-    /// columns are any function of the motion. Where a sample changes its direction between the two sides, friction
-    /// jumps, and the side without the jump counts.
-    fn add_nominal(&self, x: &[f64], samples: &TrajectorySamples, pull: &Mat<f64>, gradient: &mut [f64]) {
+    /// Adds the share of the nominal effects to the derivative of the criterion, by differences
+    /// along the variables: their columns are any function of the motion. Where a sample changes
+    /// its direction between the two sides, friction jumps, and the side without the jump counts.
+    fn add_nominal(
+        &self,
+        x: &[f64],
+        samples: &TrajectorySamples,
+        pull: &Mat<f64>,
+        gradient: &mut [f64],
+    ) {
         let Some(here) = self.information.along_nominal(samples, pull) else { return };
         let mut moved = x.to_vec();
         for (k, slope) in gradient.iter_mut().enumerate() {
             let step = NOMINAL_DIFFERENCE * (1.0 + x[k].abs());
             let mut side = |step: f64| {
                 moved[k] = x[k] + step;
-                let there = self.information.along_nominal(&self.grid.samples(self.start, &moved), pull);
+                let there =
+                    self.information.along_nominal(&self.grid.samples(self.start, &moved), pull);
                 moved[k] = x[k];
                 (there.unwrap_or(here) - here) / step
             };
@@ -171,13 +185,17 @@ impl MotionProblem<'_> {
         }
     }
 
-    /// Constraint `index`, not above zero where the limit is kept, and its derivative: joint by joint position, speed,
-    /// acceleration; then the torque of all joints, then the surroundings.
+    /// Constraint `index`, not above zero where the limit is kept, and its derivative: joint by
+    /// joint position, speed, acceleration; then the torque of all joints, then the surroundings.
     pub fn constraint(&mut self, index: usize, x: &[f64], gradient: Option<&mut [f64]>) -> f64 {
         let n = self.start.len();
         if index >= 3 * n {
             let torque = index == 3 * n && self.torque.is_some();
-            return if torque { self.torque_constraint(x, gradient) } else { self.clearance_constraint(x, gradient) };
+            return if torque {
+                self.torque_constraint(x, gradient)
+            } else {
+                self.clearance_constraint(x, gradient)
+            };
         }
         let (joint, order) = (index / 3, index % 3);
         let free = self.limit_grid.free;
@@ -192,13 +210,16 @@ impl MotionProblem<'_> {
             1 => (0.0, 1.0 / self.limits.velocity[joint]),
             _ => (0.0, 1.0 / self.limits.acceleration[joint]),
         };
-        let shares: Vec<f64> = table.chunks_exact(free).map(|row| offset + scale * dot(row, own)).collect();
+        let shares: Vec<f64> =
+            table.chunks_exact(free).map(|row| offset + scale * dot(row, own)).collect();
         let (value, slopes) = smooth_maximum(&shares, self.sharpness.maximum);
         if let Some(gradient) = gradient {
             gradient.fill(0.0);
             let own = &mut gradient[joint * free..(joint + 1) * free];
             for (slope, row) in slopes.iter().zip(table.chunks_exact(free)) {
-                own.iter_mut().zip(row).for_each(|(own, function)| *own += slope * scale * function);
+                own.iter_mut()
+                    .zip(row)
+                    .for_each(|(own, function)| *own += slope * scale * function);
             }
         }
         value - 1.0
@@ -217,7 +238,11 @@ impl MotionProblem<'_> {
         let (value, slopes) = smooth_upper(&shares, self.sharpness.maximum);
         if let Some(gradient) = gradient {
             gradient.fill(0.0);
-            let mut by_motion = [vec![0.0; samples.q.len()], vec![0.0; samples.q.len()], vec![0.0; samples.q.len()]];
+            let mut by_motion = [
+                vec![0.0; samples.q.len()],
+                vec![0.0; samples.q.len()],
+                vec![0.0; samples.q.len()],
+            ];
             let (mut above, mut below) = (vec![0.0; checks], vec![0.0; checks]);
             for (k, slopes) in slopes.chunks_exact(checks).enumerate() {
                 // Most samples are far from everything.
@@ -234,7 +259,11 @@ impl MotionProblem<'_> {
                         moved[kind][joint] = here - DIFFERENCE;
                         checker.shares(&moved[0], &moved[1], &mut below);
                         moved[kind][joint] = here;
-                        let change = above.iter().zip(&below).zip(slopes).map(|((a, b), slope)| slope * (a - b));
+                        let change = above
+                            .iter()
+                            .zip(&below)
+                            .zip(slopes)
+                            .map(|((a, b), slope)| slope * (a - b));
                         by_motion[kind][k * n + joint] = change.sum::<f64>() / (2.0 * DIFFERENCE);
                     }
                 }
@@ -250,11 +279,14 @@ impl MotionProblem<'_> {
         let samples = self.grid.samples(self.start, x);
         self.information.observe(&samples);
         let tau = self.information.torque(&torque.base_parameters);
-        let shares: Vec<f64> = tau.iter().enumerate().map(|(row, tau)| tau / torque.limits[row % n]).collect();
+        let shares: Vec<f64> =
+            tau.iter().enumerate().map(|(row, tau)| tau / torque.limits[row % n]).collect();
         let (value, slopes) = smooth_maximum(&shares, self.sharpness.maximum);
         if let Some(gradient) = gradient {
             gradient.fill(0.0);
-            let factor = |row: usize| slopes[row] / (torque.limits[row % n] * self.information.weight(row % n));
+            let factor = |row: usize| {
+                slopes[row] / (torque.limits[row % n] * self.information.weight(row % n))
+            };
             let pull = Mat::from_fn(torque.base_parameters.len(), tau.len(), |column, row| {
                 torque.base_parameters[column] * factor(row)
             });
@@ -269,16 +301,18 @@ impl MotionProblem<'_> {
 pub(super) fn trajectory(basis: &Basis, free: &[Vec<f64>], start: &[f64], x: &[f64]) -> Trajectory {
     let mut coefficients = Vec::with_capacity(start.len() * basis.len());
     for own in x.chunks_exact(free.len()) {
-        coefficients
-            .extend((0..basis.len()).map(|k| own.iter().zip(free).map(|(x, direction)| x * direction[k]).sum::<f64>()));
+        coefficients.extend(
+            (0..basis.len())
+                .map(|k| own.iter().zip(free).map(|(x, direction)| x * direction[k]).sum::<f64>()),
+        );
     }
     Trajectory::new(basis.clone(), start.to_vec(), coefficients).expect("a basis that was checked")
 }
 
 /// ln(sum exp(s |values|)) / s, never below the largest size, and its derivatives.
 ///
-/// Source: G. Kreisselmeier, R. Steinhauser, Systematic control design by optimizing a vector performance index, IFAC
-/// Symposium on CAD of Control Systems (1979).
+/// Source: G. Kreisselmeier, R. Steinhauser, Systematic control design by optimizing a vector
+/// performance index, IFAC Symposium on CAD of Control Systems (1979).
 fn smooth_maximum(values: &[f64], sharpness: f64) -> (f64, Vec<f64>) {
     let most = values.iter().fold(0.0f64, |most, value| most.max(value.abs()));
     let mut sum = 0.0;
@@ -296,7 +330,8 @@ fn smooth_maximum(values: &[f64], sharpness: f64) -> (f64, Vec<f64>) {
 /// ln(sum exp(s values)) / s, and its derivatives.
 fn smooth_upper(values: &[f64], sharpness: f64) -> (f64, Vec<f64>) {
     let most = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    let mut slopes: Vec<f64> = values.iter().map(|value| (sharpness * (value - most)).exp()).collect();
+    let mut slopes: Vec<f64> =
+        values.iter().map(|value| (sharpness * (value - most)).exp()).collect();
     let sum: f64 = slopes.iter().sum();
     slopes.iter_mut().for_each(|slope| *slope /= sum);
     (most + sum.ln() / sharpness, slopes)
@@ -314,12 +349,14 @@ mod tests {
     #[test]
     fn derivatives_agree_with_differences() {
         let robot = puma560();
-        let set = ParameterSet::new(&robot, &["viscous_friction", "coulomb_friction"]).expect("known effects");
+        let set = ParameterSet::new(&robot, &["viscous_friction", "coulomb_friction"])
+            .expect("known effects");
         let base = BaseParameters::new(&robot, &set);
         let limits = MotionLimits::of_robot(&robot, &[6.0; 6]).expect("limits");
         let basis = Basis::fourier(0.1, 4);
         let free = basis.free_directions();
-        let (grid, limit_grid) = (MotionGrid::new(&basis, &free, 40), MotionGrid::new(&basis, &free, 64));
+        let (grid, limit_grid) =
+            (MotionGrid::new(&basis, &free, 40), MotionGrid::new(&basis, &free, 64));
         let start = [0.1; 6];
         let x: Vec<f64> = (0..6 * free.len()).map(|k| 0.4 * (1.3 * k as f64 + 0.2).sin()).collect();
         let mut parameters = robot.standard_parameters();
@@ -359,13 +396,19 @@ mod tests {
                     moved[k] -= 2.0 * h;
                     let difference = (above - f(&moved, None)) / (2.0 * h);
                     let error = (difference - gradient[k]).abs();
-                    assert!(error < 2e-5 * scale, "{criterion:?} {what} by {k}: {difference} {}", gradient[k]);
+                    assert!(
+                        error < 2e-5 * scale,
+                        "{criterion:?} {what} by {k}: {difference} {}",
+                        gradient[k]
+                    );
                 }
             };
             check("value", &mut |x, gradient| problem.value(x, gradient));
             if criterion == Criterion::Condition {
                 for index in 0..constraints {
-                    check(&format!("constraint {index}"), &mut |x, gradient| problem.constraint(index, x, gradient));
+                    check(&format!("constraint {index}"), &mut |x, gradient| {
+                        problem.constraint(index, x, gradient)
+                    });
                 }
             }
         }
@@ -389,9 +432,11 @@ mod tests {
         let limits = MotionLimits::of_robot(&robot, &[6.0; 6]).expect("limits");
         let basis = Basis::fourier(0.1, 5);
         let free = basis.free_directions();
-        let (grid, limit_grid) = (MotionGrid::new(&basis, &free, 60), MotionGrid::new(&basis, &free, 64));
+        let (grid, limit_grid) =
+            (MotionGrid::new(&basis, &free, 60), MotionGrid::new(&basis, &free, 64));
         let start = [0.1; 6];
-        let mut x: Vec<f64> = (0..6 * free.len()).map(|k| 2.0 * (1.3 * k as f64 + 0.2).sin()).collect();
+        let mut x: Vec<f64> =
+            (0..6 * free.len()).map(|k| 2.0 * (1.3 * k as f64 + 0.2).sin()).collect();
         let objective = Objective::new(Criterion::DOptimality, &robot, &set, &base, Some(&nominal));
         let mut problem = MotionProblem {
             information: Information::new(&robot, &set, &base, Some(&nominal), None, 0.1),
@@ -405,7 +450,10 @@ mod tests {
             sharpness: Sharpness { power: 4.0, maximum: 30.0 },
         };
         let mut gradient = vec![0.0; x.len()];
-        assert!(problem.value(&x, Some(&mut gradient)) < WORTHLESS, "columns that the motion tells apart");
+        assert!(
+            problem.value(&x, Some(&mut gradient)) < WORTHLESS,
+            "columns that the motion tells apart"
+        );
         let scale = gradient.iter().fold(0.0f64, |most, g| most.max(g.abs()));
         for k in (0..x.len()).step_by(7) {
             let (h, here) = (1e-5, x[k]);
@@ -416,7 +464,11 @@ mod tests {
             x[k] = here;
             let difference = (above - below) / (2.0 * h);
             // Columns by constants are differences themselves.
-            assert!((gradient[k] - difference).abs() < 1e-3 * scale, "{k}: {} {difference}", gradient[k]);
+            assert!(
+                (gradient[k] - difference).abs() < 1e-3 * scale,
+                "{k}: {} {difference}",
+                gradient[k]
+            );
         }
     }
 }

@@ -50,8 +50,8 @@ pub struct Surroundings {
 const SCALE: f64 = 0.1;
 
 impl Surroundings {
-    /// Links as capsules of one radius along the robot's skeleton: from each joint to the joints and frames that its
-    /// link carries. Nothing around it yet.
+    /// Links as capsules of one radius along the robot's skeleton: from each joint to the joints
+    /// and frames that its link carries. Nothing around it yet.
     pub fn skeleton(robot: &Robot, radius: f64) -> Self {
         let mut capsules = Vec::new();
         let mut add = |joint: usize, end: Vector3<f64>| {
@@ -65,17 +65,29 @@ impl Surroundings {
             }
         }
         for frame in robot.frames() {
-            let leaf = |joint: usize| robot.joints().iter().all(|other| other.parent != Some(joint));
+            let leaf =
+                |joint: usize| robot.joints().iter().all(|other| other.parent != Some(joint));
             if let Some(joint) = frame.joint.filter(|joint| leaf(*joint)) {
                 add(joint, frame.pose.translation);
             }
         }
-        Self { capsules, floor: None, blocks: vec![], self_collision: false, clearance: 0.0, tip_speed: None }
+        Self {
+            capsules,
+            floor: None,
+            blocks: vec![],
+            self_collision: false,
+            clearance: 0.0,
+            tip_speed: None,
+        }
     }
 
     pub(super) fn require_valid(&self) -> Result<(), ExcitationError> {
-        let invalid = |option, value, expected| Err(ExcitationError::InvalidOption { option, value, expected });
-        if let Some(capsule) = self.capsules.iter().find(|c| !c.radius.is_finite() || c.radius < 0.0) {
+        let invalid = |option, value, expected| {
+            Err(ExcitationError::InvalidOption { option, value, expected })
+        };
+        if let Some(capsule) =
+            self.capsules.iter().find(|c| !c.radius.is_finite() || c.radius < 0.0)
+        {
             return invalid("radius of a capsule", capsule.radius, "a length, not below zero");
         }
         if !self.clearance.is_finite() || self.clearance < 0.0 {
@@ -86,12 +98,20 @@ impl Surroundings {
         }
         for block in &self.blocks {
             let mut ends = block.low.iter().zip(&block.high);
-            if let Some((_, high)) = ends.find(|(low, high)| !(low < high && low.is_finite() && high.is_finite())) {
-                return invalid("highest corner of a box", *high, "a number above that of the lowest corner");
+            if let Some((_, high)) =
+                ends.find(|(low, high)| !(low < high && low.is_finite() && high.is_finite()))
+            {
+                return invalid(
+                    "highest corner of a box",
+                    *high,
+                    "a number above that of the lowest corner",
+                );
             }
         }
         match &self.tip_speed {
-            Some((_, limit)) if !limit.is_finite() || *limit <= 0.0 => invalid("tip speed", *limit, "above zero"),
+            Some((_, limit)) if !limit.is_finite() || *limit <= 0.0 => {
+                invalid("tip speed", *limit, "above zero")
+            }
             _ => Ok(()),
         }
     }
@@ -99,7 +119,9 @@ impl Surroundings {
     /// Number of shares that [`Checker::shares`] gives.
     fn checks(&self, robot: &Robot) -> usize {
         let obstacles = usize::from(self.floor.is_some()) + self.blocks.len();
-        self.capsules.len() * obstacles + self.pairs(robot).len() + usize::from(self.tip_speed.is_some())
+        self.capsules.len() * obstacles
+            + self.pairs(robot).len()
+            + usize::from(self.tip_speed.is_some())
     }
 
     /// Capsules of links that are neither the same nor neighbours.
@@ -141,7 +163,9 @@ impl<'a> Checker<'a> {
         let poses = forward_kinematics(self.robot, &mut self.ws, q);
         self.segments.clear();
         self.segments.extend(cell.capsules.iter().map(|capsule| {
-            capsule.ends.map(|end| capsule.joint.map_or(end, |joint| poses[joint].transform_point(end)))
+            capsule
+                .ends
+                .map(|end| capsule.joint.map_or(end, |joint| poses[joint].transform_point(end)))
         }));
         let share = |distance: f64| 1.0 + (cell.clearance - distance) / SCALE;
         let mut out = out.iter_mut();
@@ -171,7 +195,9 @@ impl<'a> Checker<'a> {
         let cell = self.surroundings;
         let of = |capsule: usize| {
             let joint = cell.capsules[capsule].joint;
-            joint.map_or("the base".to_string(), |joint| format!("link of joint `{}`", self.robot.joints()[joint].name))
+            joint.map_or("the base".to_string(), |joint| {
+                format!("link of joint `{}`", self.robot.joints()[joint].name)
+            })
         };
         let obstacles = usize::from(cell.floor.is_some()) + cell.blocks.len();
         if index < cell.capsules.len() * obstacles {
@@ -197,17 +223,21 @@ impl<'a> Checker<'a> {
     }
 }
 
-/// Distance of a segment from a box; the distance of a point on the segment is a convex function of its place.
+/// Distance of a segment from a box; the distance of a point on the segment is a convex function of
+/// its place.
 fn to_block([from, to]: [Vector3<f64>; 2], block: &Block) -> f64 {
     let at = |s: f64| {
         let point = (from + (to + -from) * s).to_array();
-        let outside = (0..3).map(|k| (block.low[k] - point[k]).max(point[k] - block.high[k]).max(0.0));
+        let outside =
+            (0..3).map(|k| (block.low[k] - point[k]).max(point[k] - block.high[k]).max(0.0));
         let distance = outside.map(|d| d * d).sum::<f64>().sqrt();
         if distance > 0.0 {
             return distance;
         }
         // Inside: minus the way out.
-        -(0..3).map(|k| (point[k] - block.low[k]).min(block.high[k] - point[k])).fold(f64::INFINITY, f64::min)
+        -(0..3)
+            .map(|k| (point[k] - block.low[k]).min(block.high[k] - point[k]))
+            .fold(f64::INFINITY, f64::min)
     };
     let (mut low, mut high) = (0.0, 1.0);
     for _ in 0..40 {
@@ -225,7 +255,11 @@ fn between([p1, q1]: [Vector3<f64>; 2], [p2, q2]: [Vector3<f64>; 2]) -> f64 {
     let (a, e, f) = (d1.dot(d1), d2.dot(d2), d2.dot(r));
     let (c, b) = (d1.dot(r), d1.dot(d2));
     let denominator = a * e - b * b;
-    let mut s = if denominator > 1e-12 * a * e { ((b * f - c * e) / denominator).clamp(0.0, 1.0) } else { 0.0 };
+    let mut s = if denominator > 1e-12 * a * e {
+        ((b * f - c * e) / denominator).clamp(0.0, 1.0)
+    } else {
+        0.0
+    };
     let mut t = if e > 0.0 { (b * s + f) / e } else { 0.0 };
     if !(0.0..=1.0).contains(&t) {
         t = t.clamp(0.0, 1.0);
@@ -241,17 +275,20 @@ mod tests {
 
     #[test]
     fn distances_are_those_of_dense_samples() {
-        let point = |k: f64| Vector3::new((1.7 * k).sin(), (2.3 * k + 0.4).cos(), (0.9 * k + 1.0).sin());
+        let point =
+            |k: f64| Vector3::new((1.7 * k).sin(), (2.3 * k + 0.4).cos(), (0.9 * k + 1.0).sin());
         let block = Block { low: [0.2, -0.3, 0.1], high: [0.9, 0.4, 0.5] };
         for k in 0..200 {
             let k = f64::from(k);
-            let (a, b) = ([point(k), point(k + 0.31)], [point(2.0 * k + 5.0), point(k * 1.1 + 9.0)]);
+            let (a, b) =
+                ([point(k), point(k + 0.31)], [point(2.0 * k + 5.0), point(k * 1.1 + 9.0)]);
             let along = |[p, q]: [Vector3<f64>; 2], s: f64| p + (q + -p) * s;
             let (mut least, mut to_box) = (f64::INFINITY, f64::INFINITY);
             for i in 0..=100 {
                 let from = along(a, f64::from(i) / 100.0);
                 let v = from.to_array();
-                let outside = (0..3).map(|k| (block.low[k] - v[k]).max(v[k] - block.high[k]).max(0.0).powi(2));
+                let outside = (0..3)
+                    .map(|k| (block.low[k] - v[k]).max(v[k] - block.high[k]).max(0.0).powi(2));
                 to_box = to_box.min(outside.sum::<f64>().sqrt());
                 for j in 0..=100 {
                     least = least.min((from + -along(b, f64::from(j) / 100.0)).norm());
@@ -260,7 +297,10 @@ mod tests {
             let found = between(a, b);
             assert!(found <= least + 1e-12 && found > least - 0.03, "{found} {least}");
             let found = to_block(a, &block);
-            assert!(found <= to_box + 1e-9 && (found > to_box - 0.02 || found < 0.0), "{found} {to_box}");
+            assert!(
+                found <= to_box + 1e-9 && (found > to_box - 0.02 || found < 0.0),
+                "{found} {to_box}"
+            );
         }
     }
 

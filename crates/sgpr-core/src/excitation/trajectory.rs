@@ -64,29 +64,43 @@ impl Trajectory {
     ///
     /// # Panics
     /// If the number of coefficients does not fit.
-    pub fn new(basis: Basis, start: Vec<f64>, coefficients: Vec<f64>) -> Result<Self, ExcitationError> {
+    pub fn new(
+        basis: Basis,
+        start: Vec<f64>,
+        coefficients: Vec<f64>,
+    ) -> Result<Self, ExcitationError> {
         basis.require_valid()?;
         assert_eq!(coefficients.len(), start.len() * basis.len(), "coefficients of every joint");
         Ok(Self { basis, start, coefficients })
     }
 
-    /// A Fourier series from the amplitudes of its velocity, started where q_0 = sum b_l / (ω l) puts it.
+    /// A Fourier series from the amplitudes of its velocity, started where q_0 = sum b_l / (ω l)
+    /// puts it.
     ///
-    /// - `a`, `b`: `[terms, n]`, amplitudes a_l and b_l of thesis eq. 3-1, rad/s (m/s), a row per harmonic as in its
-    ///   tables C-1 and C-2
+    /// - `a`, `b`: `[terms, n]`, amplitudes a_l and b_l of thesis eq. 3-1, rad/s (m/s), a row per
+    ///   harmonic as in its tables C-1 and C-2
     ///
     /// # Errors
     /// If the frequency is not positive or there is less than two terms.
     ///
     /// # Panics
     /// If the arrays do not have the same size, in whole rows.
-    pub fn fourier(fundamental_hz: f64, dof: usize, a: &[f64], b: &[f64]) -> Result<Self, ExcitationError> {
-        assert!(a.len() == b.len() && a.len().is_multiple_of(dof), "rows of amplitudes, as many a as b");
+    pub fn fourier(
+        fundamental_hz: f64,
+        dof: usize,
+        a: &[f64],
+        b: &[f64],
+    ) -> Result<Self, ExcitationError> {
+        assert!(
+            a.len() == b.len() && a.len().is_multiple_of(dof),
+            "rows of amplitudes, as many a as b"
+        );
         let terms = a.len() / dof;
         let basis = Basis::fourier(fundamental_hz, terms);
         let mut coefficients = Vec::new();
         for joint in 0..dof {
-            let column = |rows: &[f64]| (0..terms).map(|l| rows[l * dof + joint]).collect::<Vec<_>>();
+            let column =
+                |rows: &[f64]| (0..terms).map(|l| rows[l * dof + joint]).collect::<Vec<_>>();
             let (a, b) = (column(a), column(b));
             let w = |l: usize| std::f64::consts::TAU * fundamental_hz * (l + 1) as f64;
             let offset = b.iter().enumerate().map(|(l, b)| b / w(l)).sum();
@@ -132,7 +146,8 @@ impl Trajectory {
         self.at((0..count).map(|k| k as f64 / rate_hz))
     }
 
-    /// The whole motion at `rate_hz`, its end at rest with it where that falls on a sample: what an arm is to follow once.
+    /// The whole motion at `rate_hz`, its end at rest with it where that falls on a sample: what an
+    /// arm is to follow once.
     ///
     /// # Panics
     /// If the rate is not positive.
@@ -152,7 +167,8 @@ impl Trajectory {
             for array in [&mut samples.q, &mut samples.dq, &mut samples.ddq] {
                 array.resize(from + n, 0.0);
             }
-            let [q, dq, ddq] = [&mut samples.q, &mut samples.dq, &mut samples.ddq].map(|array| &mut array[from..]);
+            let [q, dq, ddq] =
+                [&mut samples.q, &mut samples.dq, &mut samples.ddq].map(|array| &mut array[from..]);
             self.sample(time, q, dq, ddq);
         }
         samples
@@ -191,12 +207,20 @@ impl TrajectorySamples {
         self.time.is_empty()
     }
 
-    /// Motions one after the other, each from rest to rest at the same pose, as evenly spaced samples.
+    /// Motions one after the other, each from rest to rest at the same pose, as evenly spaced
+    /// samples.
     pub(crate) fn in_a_row(motions: &[&Self], rate_hz: f64) -> Self {
-        let all = |of: fn(&Self) -> &Vec<f64>| motions.iter().flat_map(|motion| of(motion)).copied().collect();
+        let all = |of: fn(&Self) -> &Vec<f64>| {
+            motions.iter().flat_map(|motion| of(motion)).copied().collect()
+        };
         let count: usize = motions.iter().map(|motion| motion.len()).sum();
         let time = (0..count).map(|k| k as f64 / rate_hz).collect();
-        Self { time, q: all(|motion| &motion.q), dq: all(|motion| &motion.dq), ddq: all(|motion| &motion.ddq) }
+        Self {
+            time,
+            q: all(|motion| &motion.q),
+            dq: all(|motion| &motion.dq),
+            ddq: all(|motion| &motion.ddq),
+        }
     }
 
     /// The samples as a recording without torque; accelerations as channels `NAME_acceleration`.
@@ -221,12 +245,20 @@ impl TrajectorySamples {
         recording::csv::write(path, &self.recording(robot, "excitation trajectory"))
     }
 
-    /// Writes an MCAP file of profile `ros2` with one `trajectory_msgs/msg/JointTrajectory` message of all samples.
+    /// Writes an MCAP file of profile `ros2` with one `trajectory_msgs/msg/JointTrajectory` message
+    /// of all samples.
     ///
     /// # Errors
     /// If the file cannot be written.
-    pub fn write_mcap(&self, robot: &Robot, topic: &str, path: impl AsRef<Path>) -> Result<(), RecordingError> {
+    pub fn write_mcap(
+        &self,
+        robot: &Robot,
+        topic: &str,
+        path: impl AsRef<Path>,
+    ) -> Result<(), RecordingError> {
         let names: Vec<String> = robot.joint_names().map(String::from).collect();
-        recording::mcap::write_joint_trajectory(path, topic, &names, &self.time, &self.q, &self.dq, &self.ddq)
+        recording::mcap::write_joint_trajectory(
+            path, topic, &names, &self.time, &self.q, &self.dq, &self.ddq,
+        )
     }
 }

@@ -26,10 +26,15 @@ struct Width {
 
 fn of_width(precision: Precision) -> Width {
     match precision {
-        Precision::Double => {
-            Width { number: "double", suffix: "", largest: "1.7976931348623157e308", infinity: "HUGE_VAL" }
+        Precision::Double => Width {
+            number: "double",
+            suffix: "",
+            largest: "1.7976931348623157e308",
+            infinity: "HUGE_VAL",
+        },
+        Precision::Single => {
+            Width { number: "float", suffix: "f", largest: "3.4028235e38f", infinity: "INFINITY" }
         }
-        Precision::Single => Width { number: "float", suffix: "f", largest: "3.4028235e38f", infinity: "INFINITY" },
     }
 }
 
@@ -98,8 +103,10 @@ pub(super) fn file(name: &str, program: &FormulaProgram, precision: Precision) -
     }
     out.push_str(USAGE);
     let n = program.dof();
-    let _ =
-        write!(out, "#ifndef {capital}_H\n#define {capital}_H\n\n#include <math.h>\n\n#define {capital}_JOINTS {n}\n");
+    let _ = write!(
+        out,
+        "#ifndef {capital}_H\n#define {capital}_H\n\n#include <math.h>\n\n#define {capital}_JOINTS {n}\n"
+    );
     if let Some(rate_hz) = program.rate_hz {
         let _ = writeln!(out, "#define {capital}_RATE_HZ {rate_hz:?}");
     }
@@ -138,7 +145,10 @@ fn state(program: &FormulaProgram, prefix: &str, width: &Width) -> String {
         let _ = writeln!(out, "     */\n    {number} hidden[{}];", program.hidden.len());
     }
     if program.needs_temperature {
-        let _ = writeln!(out, "    /* Of each joint, degrees Celsius. */\n    {number} temperature[{n}];");
+        let _ = writeln!(
+            out,
+            "    /* Of each joint, degrees Celsius. */\n    {number} temperature[{n}];"
+        );
         out.push_str("    int has_temperature;\n");
     }
     if program.starts_from(FormulaInput::Time) {
@@ -208,7 +218,8 @@ fn set_up(program: &FormulaProgram, prefix: &str, capital: &str, width: &Width) 
     if program.starts_from(FormulaInput::HasLast) {
         let _ = writeln!(out, "    state->has_last = 0.0{suffix};");
     }
-    let _ = writeln!(out, "    state->begun = 0.0{suffix};\n    state->moving = 0.0{suffix};\n}}\n");
+    let _ =
+        writeln!(out, "    state->begun = 0.0{suffix};\n    state->moving = 0.0{suffix};\n}}\n");
     if timed {
         let _ = writeln!(
             out,
@@ -247,7 +258,10 @@ fn torque(program: &FormulaProgram, prefix: &str, capital: &str, precision: Prec
          return {capital}_NOT_FINITE;\n    }}"
     );
     if program.needs_temperature {
-        let _ = writeln!(out, "    if (!state->has_temperature) {{\n        return {capital}_NO_TEMPERATURE;\n    }}");
+        let _ = writeln!(
+            out,
+            "    if (!state->has_temperature) {{\n        return {capital}_NO_TEMPERATURE;\n    }}"
+        );
     }
     if !times.is_empty() {
         let _ = writeln!(

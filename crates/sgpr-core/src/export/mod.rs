@@ -1,8 +1,10 @@
-//! A model as a source file that stands on its own, in C or Rust: for controllers that take no library.
+//! A model as a source file that stands on its own, in C or Rust: for controllers that take no
+//! library.
 //!
-//! The same code that a [`Predictor`](crate::model::Predictor) runs is run once over [expressions](crate::expression), so
-//! that what is exported is what was validated: the recursion of the robot's links and the law of each effect are written
-//! nowhere else. Zeros and ones of the robot are taken out, constants are folded, and what is needed twice is computed once.
+//! The same code that a [`Predictor`](crate::model::Predictor) runs is run once over
+//! [expressions](crate::expression), so that what is exported is what was validated: the recursion
+//! of the robot's links and the law of each effect are written nowhere else. Zeros and ones of the
+//! robot are taken out, constants are folded, and what is needed twice is computed once.
 
 mod c;
 mod printer;
@@ -106,7 +108,9 @@ pub enum ExportError {
         name: String,
     },
     /// A name that identifiers cannot begin with.
-    #[error("name: got {name:?}, expected at most 40 letters, digits and underscores, as `left_arm`")]
+    #[error(
+        "name: got {name:?}, expected at most 40 letters, digits and underscores, as `left_arm`"
+    )]
     Name {
         /// The name.
         name: String,
@@ -116,8 +120,8 @@ pub enum ExportError {
     Stream(#[from] StreamError),
     /// An effect whose law is not known as a formula.
     #[error(
-        "{effect} cannot be exported: {reason}; take it out, or run the model with TorqueModel::predictor \
-         (Model.predictor in Python)"
+        "{effect} cannot be exported: {reason}; take it out, or run the model with \
+         TorqueModel::predictor (Model.predictor in Python)"
     )]
     Effect {
         /// Name of the effect.
@@ -142,11 +146,13 @@ impl fmt::Display for Language {
 }
 
 impl TorqueModel {
-    /// The model as a source file that needs nothing but the standard mathematics of its language. The torque is that of
-    /// [`TorqueModel::predictor`] with the same options, called once per period.
+    /// The model as a source file that needs nothing but the standard mathematics of its language.
+    /// The torque is that of [`TorqueModel::predictor`] with the same options, called once per
+    /// period.
     ///
     /// # Errors
-    /// As [`TorqueModel::predictor`]; if the law of an effect is not known as a formula, as that of an effect from Python.
+    /// As [`TorqueModel::predictor`]; if the law of an effect is not known as a formula, as that of
+    /// an effect from Python.
     ///
     /// # Examples
     /// ```
@@ -159,7 +165,12 @@ impl TorqueModel {
         let name = text::identifier(options.name.as_deref(), self.robot().name())?;
         // Everything that a predictor refuses is refused here.
         self.predictor(&options.stream)?;
-        for effect in self.parameter_set().effects().iter().chain(self.terms().iter().map(|term| &term.effect)) {
+        for effect in self
+            .parameter_set()
+            .effects()
+            .iter()
+            .chain(self.terms().iter().map(|term| &term.effect))
+        {
             if options.stream.holds(effect.as_ref()) {
                 check(effect.as_ref())?;
             }
@@ -175,9 +186,16 @@ impl TorqueModel {
     ///
     /// # Errors
     /// As [`Self::export`]; if the file cannot be written.
-    pub fn export_to(&self, path: impl AsRef<Path>, options: &ExportOptions) -> Result<(), ExportError> {
+    pub fn export_to(
+        &self,
+        path: impl AsRef<Path>,
+        options: &ExportOptions,
+    ) -> Result<(), ExportError> {
         let (path, code) = (path.as_ref(), self.export(options)?);
-        let failed = |error: std::io::Error| ExportError::Write { path: path.into(), reason: error.to_string() };
+        let failed = |error: std::io::Error| ExportError::Write {
+            path: path.into(),
+            reason: error.to_string(),
+        };
         atomic_file::write(path, |file| file.write_all(code.as_bytes())).map_err(failed)
     }
 }

@@ -1,4 +1,5 @@
-//! Formulas as lines of code: one statement for what is used more than once or too long for its place.
+//! Formulas as lines of code: one statement for what is used more than once or too long for its
+//! place.
 
 use super::program::{FormulaInput, FormulaProgram};
 use sgpr_predict::internal::Node;
@@ -94,7 +95,11 @@ pub(super) fn body(program: &FormulaProgram, dialect: &dyn Dialect) -> Statement
     let mut named = |prefix: &str, outputs: &mut dyn Iterator<Item = Expr>| -> Vec<String> {
         let named = outputs.enumerate().map(|(k, output)| {
             let name = format!("{prefix}{k}");
-            statements.push(dialect.declare(dialect.precision(), &name, &texts[output.index()].text));
+            statements.push(dialect.declare(
+                dialect.precision(),
+                &name,
+                &texts[output.index()].text,
+            ));
             name
         });
         named.collect()
@@ -135,7 +140,9 @@ impl Writer<'_> {
         let part = |expr: Expr| self.part(expr, self.times[index]);
         let operand = |expr: Expr| part(expr).operand();
         let whole = |expr: Expr| part(expr).text;
-        let pair = |a: Expr, sign: &str, b: Expr| Text::compound(format!("{} {sign} {}", operand(a), operand(b)));
+        let pair = |a: Expr, sign: &str, b: Expr| {
+            Text::compound(format!("{} {sign} {}", operand(a), operand(b)))
+        };
         let function = |name: &str, of: Expr| Text::simple(dialect.function(name, &whole(of)));
         match self.program.tape.at(index) {
             Node::Constant(value) => constant(value, dialect.precision(), dialect),
@@ -156,8 +163,12 @@ impl Writer<'_> {
                 let exponent = constant(exponent, dialect.precision(), dialect);
                 Text::simple(dialect.power(&whole(a), &exponent.text))
             }
-            Node::Select(a, yes, no) => Text::compound(dialect.select(&operand(a), &operand(yes), &operand(no))),
-            Node::Clamp(a, low, high) => Text::simple(dialect.clamp(&whole(a), &whole(low), &whole(high))),
+            Node::Select(a, yes, no) => {
+                Text::compound(dialect.select(&operand(a), &operand(yes), &operand(no)))
+            }
+            Node::Clamp(a, low, high) => {
+                Text::simple(dialect.clamp(&whole(a), &whole(low), &whole(high)))
+            }
         }
     }
 
@@ -166,7 +177,9 @@ impl Writer<'_> {
         let text = &self.texts[expr.index()];
         match self.program.tape.node(expr) {
             Node::Constant(value) if of_time => constant(value, Precision::Double, self.dialect),
-            _ if self.times[expr.index()] && !of_time => Text::simple(self.dialect.narrowed(&text.text)),
+            _ if self.times[expr.index()] && !of_time => {
+                Text::simple(self.dialect.narrowed(&text.text))
+            }
             _ => text.clone(),
         }
     }
@@ -199,7 +212,8 @@ pub(super) fn head(program: &FormulaProgram, precision: Precision) -> Vec<String
             clean(&program.robot),
             match program.purpose {
                 crate::model::Purpose::FeedForward => "what the arm needs (feed_forward)",
-                crate::model::Purpose::ExpectedMeasurement => "what a log would show (expected_measurement)",
+                crate::model::Purpose::ExpectedMeasurement =>
+                    "what a log would show (expected_measurement)",
             }
         ),
         String::new(),
@@ -213,8 +227,18 @@ pub(super) fn head(program: &FormulaProgram, precision: Precision) -> Vec<String
         Precision::Double => "Numbers of 64 bits.".into(),
         Precision::Single => "Numbers of 32 bits, times of 64.".into(),
     });
-    lines.extend(program.provenance.logs.iter().take(20).map(|log| format!("Identified from {}", clean(log))));
-    lines.extend([String::new(), "Joints, in the order of all arrays, with units of position and torque:".into()]);
+    lines.extend(
+        program
+            .provenance
+            .logs
+            .iter()
+            .take(20)
+            .map(|log| format!("Identified from {}", clean(log))),
+    );
+    lines.extend([
+        String::new(),
+        "Joints, in the order of all arrays, with units of position and torque:".into(),
+    ]);
     for (index, (name, rotates)) in program.joints.iter().enumerate() {
         let units = if *rotates { "rad, rad/s, rad/s^2, N m" } else { "m, m/s, m/s^2, N" };
         lines.push(format!("  {index}  {}  ({units})", clean(name)));
@@ -230,7 +254,8 @@ pub(super) fn head(program: &FormulaProgram, precision: Precision) -> Vec<String
     lines
 }
 
-/// Which hidden states belong to what, in runs of one owner: `0 to 1`, `presliding_friction@joint_2`.
+/// Which hidden states belong to what, in runs of one owner: `0 to 1`,
+/// `presliding_friction@joint_2`.
 pub(super) fn owners(program: &FormulaProgram) -> Vec<String> {
     let mut runs: Vec<(usize, usize, &str)> = Vec::new();
     for (index, (_, hidden)) in program.hidden.iter().enumerate() {

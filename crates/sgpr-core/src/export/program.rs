@@ -2,7 +2,9 @@ use crate::effects::{Needs, Site};
 use sgpr_predict::internal::{Recorder, Tape};
 
 use crate::expression::Expr;
-use crate::model::{Provenance, Purpose, Sampler, StreamOptions, StreamStart, StreamedModel, TorqueModel};
+use crate::model::{
+    Provenance, Purpose, Sampler, StreamOptions, StreamStart, StreamedModel, TorqueModel,
+};
 use crate::simd::Number;
 
 /// What a formula starts from.
@@ -42,7 +44,8 @@ pub(super) struct FormulaProgram {
     pub inputs: Vec<FormulaInput>,
     /// Torque of each joint.
     pub tau: Vec<Expr>,
-    /// Those hidden states that the torque depends on; [`FormulaInput::Hidden`] counts all that there are.
+    /// Those hidden states that the torque depends on; [`FormulaInput::Hidden`] counts all that
+    /// there are.
     pub hidden: Vec<(usize, Hidden)>,
     /// How often each operation is used.
     pub uses: Vec<usize>,
@@ -79,14 +82,25 @@ impl FormulaProgram {
         sampler.robot = sampler.robot.clone().with_exact_right_angles();
         let mut inputs = TapeInputs::default();
         let carriers = set_inputs(&mut sampler, &mut inputs, model);
-        let time = if rate_hz.is_nan() { Expr::constant(f64::NAN) } else { inputs.of(FormulaInput::Time) };
-        let start =
-            StreamStart::Either { done: inputs.of(FormulaInput::Begun), moving: inputs.of(FormulaInput::Moving) };
+        let time =
+            if rate_hz.is_nan() { Expr::constant(f64::NAN) } else { inputs.of(FormulaInput::Time) };
+        let start = StreamStart::Either {
+            done: inputs.of(FormulaInput::Begun),
+            moving: inputs.of(FormulaInput::Moving),
+        };
         sampler.sample(rate_hz, time, &start);
         let buffers = &sampler.buffers;
-        let next = sampler.terms.hidden().iter().chain(sampler.transforms.hidden()).chain(&buffers.last_ddq);
-        let all: Vec<Hidden> =
-            carriers.into_iter().zip(next).map(|(carrier, next)| Hidden { carrier, next: *next }).collect();
+        let next = sampler
+            .terms
+            .hidden()
+            .iter()
+            .chain(sampler.transforms.hidden())
+            .chain(&buffers.last_ddq);
+        let all: Vec<Hidden> = carriers
+            .into_iter()
+            .zip(next)
+            .map(|(carrier, next)| Hidden { carrier, next: *next })
+            .collect();
         let tau = buffers.tau.clone();
         let tape = recorder.finish();
         let (hidden, uses) = needed(&tape, &inputs.0, &tau, all);
@@ -100,7 +114,12 @@ impl FormulaProgram {
             tau,
             hidden,
             uses,
-            joints: model.robot().joints().iter().map(|joint| (joint.name.clone(), joint.kind.is_rotation())).collect(),
+            joints: model
+                .robot()
+                .joints()
+                .iter()
+                .map(|joint| (joint.name.clone(), joint.kind.is_rotation()))
+                .collect(),
             effects: effects_of(model, options),
             needs_temperature,
             purpose: options.purpose,
@@ -117,13 +136,20 @@ impl FormulaProgram {
 
     /// Whether a formula starts from this.
     pub fn starts_from(&self, input: FormulaInput) -> bool {
-        let used = |index: usize| (0..self.tape.len()).any(|k| self.uses[k] > 0 && self.tape.input(k) == Some(index));
+        let used = |index: usize| {
+            (0..self.tape.len()).any(|k| self.uses[k] > 0 && self.tape.input(k) == Some(index))
+        };
         self.inputs.iter().position(|one| *one == input).is_some_and(used)
     }
 }
 
-/// Makes everything that the torque of a sample depends on an input; what each hidden state belongs to.
-fn set_inputs(sampler: &mut Sampler<Expr>, inputs: &mut TapeInputs, model: &TorqueModel) -> Vec<String> {
+/// Makes everything that the torque of a sample depends on an input; what each hidden state belongs
+/// to.
+fn set_inputs(
+    sampler: &mut Sampler<Expr>,
+    inputs: &mut TapeInputs,
+    model: &TorqueModel,
+) -> Vec<String> {
     let buffers = &mut sampler.buffers;
     let kinds = [FormulaInput::Q as fn(usize) -> FormulaInput, FormulaInput::Dq, FormulaInput::Ddq];
     for (values, kind) in buffers.motion.iter_mut().zip(kinds) {
@@ -138,7 +164,8 @@ fn set_inputs(sampler: &mut Sampler<Expr>, inputs: &mut TapeInputs, model: &Torq
     carriers.extend(terms.map(|(effect, site)| format!("{effect}{}", at(site, model))));
     let own = carriers.len();
     carriers.extend(buffers.last_ddq.iter().map(|_| "acceleration of the sample before".into()));
-    let leaves: Vec<Expr> = (0..carriers.len()).map(|k| inputs.of(FormulaInput::Hidden(k))).collect();
+    let leaves: Vec<Expr> =
+        (0..carriers.len()).map(|k| inputs.of(FormulaInput::Hidden(k))).collect();
     let (of_terms, rest) = leaves[..own].split_at(sampler.terms.hidden().len());
     sampler.terms.set_hidden(of_terms);
     sampler.transforms.set_hidden(rest);
@@ -146,11 +173,18 @@ fn set_inputs(sampler: &mut Sampler<Expr>, inputs: &mut TapeInputs, model: &Torq
     carriers
 }
 
-/// Those hidden states that the torque depends on, in one call or later, and the uses of all operations for them.
-fn needed(tape: &Tape, inputs: &[FormulaInput], tau: &[Expr], all: Vec<Hidden>) -> (Vec<(usize, Hidden)>, Vec<usize>) {
+/// Those hidden states that the torque depends on, in one call or later, and the uses of all
+/// operations for them.
+fn needed(
+    tape: &Tape,
+    inputs: &[FormulaInput],
+    tau: &[Expr],
+    all: Vec<Hidden>,
+) -> (Vec<(usize, Hidden)>, Vec<usize>) {
     let mut taken = vec![false; all.len()];
     loop {
-        let next = all.iter().zip(&taken).filter(|(_, taken)| **taken).map(|(hidden, _)| hidden.next);
+        let next =
+            all.iter().zip(&taken).filter(|(_, taken)| **taken).map(|(hidden, _)| hidden.next);
         let outputs: Vec<Expr> = tau.iter().copied().chain(next).collect();
         let uses = tape.uses(&outputs);
         let before = taken.clone();
@@ -160,7 +194,12 @@ fn needed(tape: &Tape, inputs: &[FormulaInput], tau: &[Expr], all: Vec<Hidden>) 
             }
         }
         if taken == before {
-            let hidden = all.into_iter().enumerate().zip(taken).filter(|(_, taken)| *taken).map(|(hidden, _)| hidden);
+            let hidden = all
+                .into_iter()
+                .enumerate()
+                .zip(taken)
+                .filter(|(_, taken)| *taken)
+                .map(|(hidden, _)| hidden);
             return (hidden.collect(), uses);
         }
     }
@@ -177,8 +216,12 @@ fn at(site: Site, model: &TorqueModel) -> String {
 
 /// Effects that the torque holds, and where.
 fn effects_of(model: &TorqueModel, options: &StreamOptions) -> Vec<String> {
-    let held = |effect: &&std::sync::Arc<dyn crate::effects::Effect>| options.holds(effect.as_ref());
-    let everywhere = model.parameter_set().effects().iter().filter(held).map(|effect| effect.name().to_string());
+    let held =
+        |effect: &&std::sync::Arc<dyn crate::effects::Effect>| options.holds(effect.as_ref());
+    let everywhere =
+        model.parameter_set().effects().iter().filter(held).map(|effect| effect.name().to_string());
     let terms = model.terms().iter().filter(|term| held(&&term.effect));
-    everywhere.chain(terms.map(|term| format!("{}{}", term.effect.name(), at(term.site, model)))).collect()
+    everywhere
+        .chain(terms.map(|term| format!("{}{}", term.effect.name(), at(term.site, model))))
+        .collect()
 }

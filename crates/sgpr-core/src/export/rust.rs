@@ -89,10 +89,16 @@ pub(super) fn file(name: &str, program: &FormulaProgram, precision: Precision) -
     }
     out.push_str(USAGE);
     let n = program.dof();
-    let _ = writeln!(out, "/// Name of the model.\n#[allow(dead_code)]\npub const NAME: &str = \"{name}\";\n");
+    let _ = writeln!(
+        out,
+        "/// Name of the model.\n#[allow(dead_code)]\npub const NAME: &str = \"{name}\";\n"
+    );
     let _ = writeln!(out, "/// Number of joints.\npub const JOINTS: usize = {n};\n");
     if let Some(rate_hz) = program.rate_hz {
-        let _ = writeln!(out, "/// Calls per second.\n#[allow(dead_code)]\npub const RATE_HZ: f64 = {rate_hz:?};\n");
+        let _ = writeln!(
+            out,
+            "/// Calls per second.\n#[allow(dead_code)]\npub const RATE_HZ: f64 = {rate_hz:?};\n"
+        );
     }
     out.push_str(FAULT);
     out.push_str(&state(program, number));
@@ -107,7 +113,8 @@ pub(super) fn file(name: &str, program: &FormulaProgram, precision: Precision) -
         );
     }
     if uses(program, |node| matches!(node, Node::Clamp(..))) {
-        let _ = writeln!(out, "\nfn clamp(x: {number}, low: {number}, high: {number}) -> {number} {{");
+        let _ =
+            writeln!(out, "\nfn clamp(x: {number}, low: {number}, high: {number}) -> {number} {{");
         out.push_str("    if x < low { low } else if x > high { high } else { x }\n}\n");
     }
     out
@@ -145,8 +152,11 @@ fn state(program: &FormulaProgram, number: &str) -> String {
         "    // Time of the session: seconds, and samples since.\n    origin: f64,\n    steps: f64,\n    runs: bool,\n",
     );
     out.push_str("    // One if there was a sample; one if hidden states start in a motion.\n");
-    let _ = writeln!(out, "    begun: {number},\n    moving: {number},\n    has_last: {number},\n}}\n");
-    out.push_str("impl Default for State {\n    fn default() -> Self {\n        Self::new()\n    }\n}\n\n");
+    let _ =
+        writeln!(out, "    begun: {number},\n    moving: {number},\n    has_last: {number},\n}}\n");
+    out.push_str(
+        "impl Default for State {\n    fn default() -> Self {\n        Self::new()\n    }\n}\n\n",
+    );
     out
 }
 

@@ -13,12 +13,14 @@ pub(super) fn identifier(given: Option<&str>, robot: &str) -> Result<String, Exp
         let name: Vec<&str> = words.split('_').filter(|word| !word.is_empty()).collect();
         return Ok(if name.is_empty() { "arm".into() } else { name.join("_") });
     };
-    let allowed =
-        !name.is_empty() && name.len() <= LONGEST && name.bytes().all(|c| c.is_ascii_alphanumeric() || c == b'_');
+    let allowed = !name.is_empty()
+        && name.len() <= LONGEST
+        && name.bytes().all(|c| c.is_ascii_alphanumeric() || c == b'_');
     if allowed { Ok(name.into()) } else { Err(ExportError::Name { name: name.into() }) }
 }
 
-/// Words for a comment: letters, digits and what cannot end a comment or a line stay, at most 200 of them.
+/// Words for a comment: letters, digits and what cannot end a comment or a line stay, at most 200
+/// of them.
 pub(super) fn comment(words: &str) -> String {
     let plain = |c: char| if c.is_alphanumeric() || " _-.,:()[]+=%@".contains(c) { c } else { '_' };
     words.chars().take(200).map(plain).collect()

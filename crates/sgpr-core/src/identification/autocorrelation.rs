@@ -1,9 +1,10 @@
 //! How much a residual remembers.
 //!
-//! What counts is the sum of the autocorrelation over all lags, up to where it drowns in its own noise. Lags are looked at
-//! in groups, each half as long again as all before it, so that a few sums of products hold all that is needed. They are
-//! quadratic: if the residual is a row times a vector, they are that vector times the products of the rows
-//! ([`LagProducts`]), whatever the vector turns out to be.
+//! What counts is the sum of the autocorrelation over all lags, up to where it drowns in its own
+//! noise. Lags are looked at in groups, each half as long again as all before it, so that a few
+//! sums of products hold all that is needed. They are quadratic: if the residual is a row times a
+//! vector, they are that vector times the products of the rows ([`LagProducts`]), whatever the
+//! vector turns out to be.
 
 use std::ops::Range;
 
@@ -22,11 +23,11 @@ pub(crate) fn lag_groups() -> impl Iterator<Item = Range<usize>> {
     std::iter::successors(Some(from(0)), next)
 }
 
-/// How many rows carry as much as one independent row, 1 + 2 sum of the autocorrelation, from sums and numbers of products
-/// by group of lags.
+/// How many rows carry as much as one independent row, 1 + 2 sum of the autocorrelation, from sums
+/// and numbers of products by group of lags.
 ///
-/// Source: G. V. Bayley, J. M. Hammersley, The effective number of independent observations in an autocorrelated time
-/// series, Suppl. J. R. Stat. Soc. 8(2) (1946).
+/// Source: G. V. Bayley, J. M. Hammersley, The effective number of independent observations in an
+/// autocorrelated time series, Suppl. J. R. Stat. Soc. 8(2) (1946).
 pub(crate) fn rows_per_independent_row(products: &[(f64, usize)]) -> f64 {
     let mean = |(sum, count): (f64, usize)| sum / f64::max(count as f64, 1.0);
     let variance = products.first().map_or(0.0, |squares| mean(*squares));
@@ -43,8 +44,8 @@ pub(crate) fn rows_per_independent_row(products: &[(f64, usize)]) -> f64 {
     1.0 + 2.0 * sum
 }
 
-/// Products of rows of one kind with those some lags later, summed over a log: rows come one by one, with holes where there
-/// was none, and no more of them are kept than the longest lag needs.
+/// Products of rows of one kind with those some lags later, summed over a log: rows come one by
+/// one, with holes where there was none, and no more of them are kept than the longest lag needs.
 #[derive(Clone, Debug)]
 pub(crate) struct LagProducts {
     width: usize,
@@ -65,7 +66,8 @@ impl LagProducts {
         Self { width, rows: vec![], present: vec![], at: None, sums, counts: vec![0; groups] }
     }
 
-    /// Adds row `time` of a trajectory; rows come in order, and those of different trajectories have no products.
+    /// Adds row `time` of a trajectory; rows come in order, and those of different trajectories
+    /// have no products.
     ///
     /// # Panics
     /// If the row has another width.
@@ -99,7 +101,8 @@ impl LagProducts {
     /// Adds the products of the first rows with all later ones, and forgets them.
     fn take(&mut self, taken: usize) {
         let (width, length) = (self.width, self.present.len());
-        // Sums of all rows before one, so that a group of lags is a difference of two; beyond the last row they stay.
+        // Sums of all rows before one, so that a group of lags is a difference of two; beyond the
+        // last row they stay.
         let padded = length + LONGEST_LAG + 2;
         let mut before = vec![0.0; padded * width];
         let mut count_before = vec![0; padded];
@@ -113,7 +116,10 @@ impl LagProducts {
             for t in 0..length {
                 let (done, next) = before.split_at_mut((t + 1) * width);
                 let pairs = done[t * width..].iter().zip(&self.rows[t * width..]);
-                next.iter_mut().zip(pairs).take(width).for_each(|(sum, (before, value))| *sum = before + value);
+                next.iter_mut()
+                    .zip(pairs)
+                    .take(width)
+                    .for_each(|(sum, (before, value))| *sum = before + value);
             }
         }
         let mut count = 0;
@@ -122,17 +128,25 @@ impl LagProducts {
             *before = count;
         }
         let (sums, counts) = (before[length * width..][..width].to_vec(), count_before[length]);
-        before[(length + 1) * width..].chunks_exact_mut(width).for_each(|row| row.copy_from_slice(&sums));
+        before[(length + 1) * width..]
+            .chunks_exact_mut(width)
+            .for_each(|row| row.copy_from_slice(&sums));
         count_before[length + 1..].fill(counts);
         let mut later = vec![0.0; taken * width];
         let rows = &self.rows[..taken * width];
         for (group, lags) in lag_groups().enumerate().take_while(|(_, lags)| lags.start < length) {
             let (ends, starts) = (&before[lags.end * width..], &before[lags.start * width..]);
-            later.iter_mut().zip(ends).zip(starts).for_each(|((later, end), start)| *later = end - start);
-            let (ends, starts) = (&count_before[lags.end..][..taken], &count_before[lags.start..][..taken]);
+            later
+                .iter_mut()
+                .zip(ends)
+                .zip(starts)
+                .for_each(|((later, end), start)| *later = end - start);
+            let (ends, starts) =
+                (&count_before[lags.end..][..taken], &count_before[lags.start..][..taken]);
             let own = self.present[..taken].iter().zip(ends).zip(starts);
-            self.counts[group] +=
-                own.map(|((present, end), start)| if *present { end - start } else { 0 }).sum::<usize>();
+            self.counts[group] += own
+                .map(|((present, end), start)| if *present { end - start } else { 0 })
+                .sum::<usize>();
             let sums = &mut self.sums[group];
             if width == 1 {
                 sums[(0, 0)] += dot_in_lanes(rows, &later);
@@ -166,7 +180,9 @@ impl Memory {
     /// How many rows carry as much as one independent row.
     pub fn rows_per_independent_row(self) -> f64 {
         let (sums, counts) = self.0.finish();
-        rows_per_independent_row(&sums.iter().map(|sum| sum[(0, 0)]).zip(counts).collect::<Vec<_>>())
+        rows_per_independent_row(
+            &sums.iter().map(|sum| sum[(0, 0)]).zip(counts).collect::<Vec<_>>(),
+        )
     }
 }
 
@@ -182,7 +198,9 @@ mod tests {
         for time in 0..100_000 {
             let mut sum = 0.0;
             for _ in 0..12 {
-                state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+                state = state
+                    .wrapping_mul(6_364_136_223_846_793_005)
+                    .wrapping_add(1_442_695_040_888_963_407);
                 sum += (state >> 11) as f64 / (1u64 << 53) as f64;
             }
             x = 0.8 * x + (sum - 6.0);
@@ -198,13 +216,18 @@ mod tests {
 
     #[test]
     fn products_are_those_of_every_pair_of_rows_and_of_any_residual() {
-        // Two trajectories with holes, one longer than what is taken at once; one hole longer than any lag.
+        // Two trajectories with holes, one longer than what is taken at once; one hole longer than
+        // any lag.
         let mut state = 7u64;
         let mut number = move || {
-            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            state = state
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1_442_695_040_888_963_407);
             (state >> 11) as f64 / (1u64 << 53) as f64 - 0.5
         };
-        let times = (0..3100).filter(|time| time % 11 != 4 && !(700..1300).contains(time)).map(|time| (0, time));
+        let times = (0..3100)
+            .filter(|time| time % 11 != 4 && !(700..1300).contains(time))
+            .map(|time| (0, time));
         let rows: Vec<((usize, usize), [f64; 3])> = times
             .chain((0..400).map(|time| (1, 3 * time)))
             .map(|at| (at, [number() + (0.01 * at.1 as f64).sin(), number(), 1.0]))
@@ -222,7 +245,9 @@ mod tests {
             for (k, ((trajectory, time), row)) in rows.iter().enumerate() {
                 for ((other, later), partner) in &rows[k..] {
                     if other == trajectory && lags.contains(&(later - time)) {
-                        sum += Mat::from_fn(3, 3, |i, j| 0.5 * (row[i] * partner[j] + row[j] * partner[i]));
+                        sum += Mat::from_fn(3, 3, |i, j| {
+                            0.5 * (row[i] * partner[j] + row[j] * partner[i])
+                        });
                         count += 1;
                     }
                 }
@@ -233,7 +258,8 @@ mod tests {
             let own = |i: usize, j: usize| vector[i] * sums[group][(i, j)] * vector[j];
             of_vector.push(((0..9).map(|k| own(k / 3, k % 3)).sum::<f64>(), counts[group]));
         }
-        let (found, expected) = (rows_per_independent_row(&of_vector), memory.rows_per_independent_row());
+        let (found, expected) =
+            (rows_per_independent_row(&of_vector), memory.rows_per_independent_row());
         assert!(expected > 5.0 && (found / expected - 1.0).abs() < 1e-12, "{found} {expected}");
     }
 

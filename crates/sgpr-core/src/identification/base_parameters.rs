@@ -21,11 +21,13 @@ pub enum ParameterClass {
 
 /// The identifiable combinations of a robot's parameters, friction and other effects included.
 ///
-/// A structural property: it depends on the robot and the effects, never on data. One parameter stands for each
-/// combination; which one is a matter of the order in which they are offered, here inertias and first moments from base
-/// to tip as in Khalil's rules, then effects, then masses and what else can be regrouped towards the base.
+/// A structural property: it depends on the robot and the effects, never on data. One parameter
+/// stands for each combination; which one is a matter of the order in which they are offered, here
+/// inertias and first moments from base to tip as in Khalil's rules, then effects, then masses and
+/// what else can be regrouped towards the base.
 ///
-/// Source: M. Gautier, Numerical calculation of the base inertial parameters of robots, J. Robotic Systems 8(4) (1991).
+/// Source: M. Gautier, Numerical calculation of the base inertial parameters of robots, J. Robotic
+/// Systems 8(4) (1991).
 #[derive(Clone, Debug, PartialEq)]
 pub struct BaseParameters {
     independent: Vec<usize>,
@@ -37,15 +39,16 @@ pub struct BaseParameters {
     parameters: Vec<String>,
 }
 
-/// Columns with less of their norm left are dependent. In eight reference robots dependent columns leave 5e-16 and
-/// independent ones 0.25 and more; a robot file that writes a right angle as 1.57 leaves 8e-4 of what it makes dependent.
+/// Columns with less of their norm left are dependent. In eight reference robots dependent columns
+/// leave 5e-16 and independent ones 0.25 and more; a robot file that writes a right angle as 1.57
+/// leaves 8e-4 of what it makes dependent.
 const TOLERANCE: f64 = 2e-3;
 
 /// The same for rows that are exact.
 const EXACT: f64 = 1e-7;
 
-/// Smaller factors (SI) are computed with but not shown: a robot file that writes 1.57079633 for a right angle mixes every
-/// parameter with a few billionths of others.
+/// Smaller factors (SI) are computed with but not shown: a robot file that writes 1.57079633 for a
+/// right angle mixes every parameter with a few billionths of others.
 pub(super) const NEGLIGIBLE: f64 = 1e-6;
 
 impl BaseParameters {
@@ -56,8 +59,8 @@ impl BaseParameters {
         Self::from_selection(selection, set)
     }
 
-    /// The same, where effects stand for a combination before inertias do: a rotor's inertia takes what the link's, as
-    /// the robot file has it, leaves.
+    /// The same, where effects stand for a combination before inertias do: a rotor's inertia takes
+    /// what the link's, as the robot file has it, leaves.
     pub(crate) fn with_effects_first(robot: &Robot, set: &ParameterSet) -> Self {
         let (effects, inertias): (Vec<usize>, Vec<usize>) =
             preference(robot, set).into_iter().partition(|parameter| *parameter >= set.inertial());
@@ -65,15 +68,18 @@ impl BaseParameters {
         Self::from_selection(select_columns(&random_columns(robot, set), &order, TOLERANCE), set)
     }
 
-    /// The same for a robot of another geometry: the base parameters of this robot, and what that one shows beside them. They
-    /// span the columns of both.
+    /// The same for a robot of another geometry: the base parameters of this robot, and what that
+    /// one shows beside them. They span the columns of both.
     pub(crate) fn extended_for(&self, other: &Robot, set: &ParameterSet) -> Self {
-        let rest = preference(other, set).into_iter().filter(|parameter| !self.independent.contains(parameter));
+        let rest = preference(other, set)
+            .into_iter()
+            .filter(|parameter| !self.independent.contains(parameter));
         let order: Vec<usize> = self.independent.iter().copied().chain(rest).collect();
         Self::from_selection(select_columns(&random_columns(other, set), &order, TOLERANCE), set)
     }
 
-    /// The same with columns that a set has after those of this one, each a base parameter of its own.
+    /// The same with columns that a set has after those of this one, each a base parameter of its
+    /// own.
     pub(crate) fn with_later_columns(mut self, set: &ParameterSet) -> Self {
         let later = self.parameters.len()..set.len();
         self.combinations.resize(self.rank() + later.len(), Vec::new());
@@ -85,15 +91,17 @@ impl BaseParameters {
         self
     }
 
-    /// The same from the robot's geometry, without a random motion: the subspace by the recursive parameter null space
-    /// (Wensing, Niemeyer, Slotine (2024)), the choice of parameters as in [`Self::new`]. The two agree for robots whose
-    /// file is exact to 1e-6; where a right angle is written 1.57 this one sees the difference.
+    /// The same from the robot's geometry, without a random motion: the subspace by the recursive
+    /// parameter null space (Wensing, Niemeyer, Slotine (2024)), the choice of parameters as in
+    /// [`Self::new`]. The two agree for robots whose file is exact to 1e-6; where a right angle is
+    /// written 1.57 this one sees the difference.
     ///
-    /// Effects other than rotor inertia and torque offset are taken to be independent of the rigid body, as those of the
-    /// library are.
+    /// Effects other than rotor inertia and torque offset are taken to be independent of the rigid
+    /// body, as those of the library are.
     pub fn by_recursion(robot: &Robot, set: &ParameterSet) -> Self {
         let rows = super::null_space::identifiable_rows(robot, set);
-        let columns: Vec<Vec<f64>> = (0..set.len()).map(|k| rows.iter().map(|row| row[k]).collect()).collect();
+        let columns: Vec<Vec<f64>> =
+            (0..set.len()).map(|k| rows.iter().map(|row| row[k]).collect()).collect();
         Self::from_selection(select_columns(&columns, &preference(robot, set), EXACT), set)
     }
 
@@ -104,8 +112,11 @@ impl BaseParameters {
         let mut combinations: Vec<Vec<(usize, f64)>> = vec![Vec::new(); independent.len()];
         let mut classes = vec![ParameterClass::Alone; set.len()];
         for (parameter, coefficients) in dependent {
-            classes[parameter] =
-                if coefficients.is_empty() { ParameterClass::Invisible } else { ParameterClass::Combined };
+            classes[parameter] = if coefficients.is_empty() {
+                ParameterClass::Invisible
+            } else {
+                ParameterClass::Combined
+            };
             for (position, coefficient) in coefficients.into_iter().enumerate() {
                 let factor = tidy(coefficient);
                 if factor != 0.0 {
@@ -118,7 +129,9 @@ impl BaseParameters {
                 }
             }
         }
-        combinations.iter_mut().for_each(|terms| terms.sort_unstable_by_key(|(parameter, _)| *parameter));
+        combinations
+            .iter_mut()
+            .for_each(|terms| terms.sort_unstable_by_key(|(parameter, _)| *parameter));
         Self {
             names: independent.iter().map(|&k| set.names()[k].clone()).collect(),
             units: independent.iter().map(|&k| set.units()[k]).collect(),
@@ -164,11 +177,13 @@ impl BaseParameters {
         &self.classes
     }
 
-    /// Base parameter `base` as the combination it is: `joint_2.Ixx - joint_2.Iyy + 0.1865 joint_3.m`; factors below 1e-6
-    /// are left out.
+    /// Base parameter `base` as the combination it is:
+    /// `joint_2.Ixx - joint_2.Iyy + 0.1865 joint_3.m`; factors below 1e-6 are left out.
     pub fn expression(&self, base: usize) -> String {
         let mut text = self.names[base].clone();
-        for &(parameter, factor) in self.combinations[base].iter().filter(|(_, factor)| factor.abs() > NEGLIGIBLE) {
+        for &(parameter, factor) in
+            self.combinations[base].iter().filter(|(_, factor)| factor.abs() > NEGLIGIBLE)
+        {
             let sign = if factor < 0.0 { '-' } else { '+' };
             let size = factor.abs();
             text += &format!(" {sign} ");
@@ -207,13 +222,15 @@ impl BaseParameters {
         let terms = self.independent.iter().zip(&self.combinations);
         terms
             .map(|(&kept, terms)| {
-                parameters[kept] + terms.iter().map(|(index, factor)| factor * parameters[*index]).sum::<f64>()
+                parameters[kept]
+                    + terms.iter().map(|(index, factor)| factor * parameters[*index]).sum::<f64>()
             })
             .collect()
     }
 
-    /// A full set of parameters with these base parameters: parameters that do not stand for a combination keep the
-    /// value they have in `nominal`, the others take what is left. The torque is that of the base parameters.
+    /// A full set of parameters with these base parameters: parameters that do not stand for a
+    /// combination keep the value they have in `nominal`, the others take what is left. The torque
+    /// is that of the base parameters.
     ///
     /// # Panics
     /// If the lengths do not fit.
@@ -255,8 +272,9 @@ fn preference(robot: &Robot, set: &ParameterSet) -> Vec<usize> {
     first
 }
 
-/// Whether a parameter stays with its link where there is a choice (Khalil and Dombre (2002), section 9.4.2): at a
-/// joint that turns about z not m, mz and Iyy; at one that slides m and the first moments.
+/// Whether a parameter stays with its link where there is a choice (Khalil and Dombre (2002),
+/// section 9.4.2): at a joint that turns about z not m, mz and Iyy; at one that slides m and the
+/// first moments.
 fn is_preferred(joint: &Joint, parameter: usize) -> bool {
     if !joint.kind.is_rotation() {
         return parameter < 4;
@@ -280,12 +298,16 @@ fn random_columns(robot: &Robot, set: &ParameterSet) -> Vec<Vec<f64>> {
     let samples = 3 * set.of_state() / n + 20;
     let mut random = Random::new(0x5EED_0F5E_ED0F);
     let mut ws = Workspace::new(robot);
-    // Columns that come with a trajectory follow from no state: each is taken to be independent of all others.
+    // Columns that come with a trajectory follow from no state: each is taken to be independent of
+    // all others.
     let mut columns = vec![vec![0.0; samples * n + set.trajectory_columns().len()]; set.len()];
-    (set.of_state()..set.len()).enumerate().for_each(|(row, column)| columns[column][samples * n + row] = 1.0);
+    (set.of_state()..set.len())
+        .enumerate()
+        .for_each(|(row, column)| columns[column][samples * n + row] = 1.0);
     let width = set.inertial();
     for sample in 0..samples {
-        let mut state = |scale: f64| (0..n).map(|_| scale * (2.0 * random.uniform() - 1.0)).collect::<Vec<_>>();
+        let mut state =
+            |scale: f64| (0..n).map(|_| scale * (2.0 * random.uniform() - 1.0)).collect::<Vec<_>>();
         let (mut q, dq, ddq) = (state(std::f64::consts::PI), state(2.0), state(5.0));
         for (q, joint) in q.iter_mut().zip(robot.joints()) {
             if !joint.kind.is_rotation() {

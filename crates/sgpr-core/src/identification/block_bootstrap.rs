@@ -1,17 +1,20 @@
 //! How the estimates would scatter: experiments made of blocks of this one, drawn with replacement.
 //!
-//! Blocks that are long against the memory of the noise keep it, so nothing is assumed of its law. Each block is one Gram
-//! matrix and one score, and a replicate is their sum: thousands cost less than one pass over the data.
+//! Blocks that are long against the memory of the noise keep it, so nothing is assumed of its law.
+//! Each block is one Gram matrix and one score, and a replicate is their sum: thousands cost less
+//! than one pass over the data.
 //!
-//! Few blocks scatter less than new experiments would. The residual is what the fit left of the noise: of unit noise a block
-//! with the Gram matrix G shows G - G², where all G together are the identity; with `n` like blocks that is the share
-//! (n - 1) / n (Bell, McCaffrey). And quantiles are those of the normal law instead of Student's (Hesterberg). Replicates are
-//! moved away from the estimate by as much.
+//! Few blocks scatter less than new experiments would. The residual is what the fit left of the
+//! noise: of unit noise a block with the Gram matrix G shows G - G², where all G together are the
+//! identity; with `n` like blocks that is the share (n - 1) / n (Bell, McCaffrey). And quantiles
+//! are those of the normal law instead of Student's (Hesterberg). Replicates are moved away from
+//! the estimate by as much.
 //!
-//! Source: H. R. Künsch, The jackknife and the bootstrap for general stationary observations, Annals of Statistics 17(3)
-//! (1989), with blocks that do not overlap (E. Carlstein, 1986); T. C. Hesterberg, What teachers should know about the
-//! bootstrap, American Statistician 69(4) (2015), section 5.3; R. M. Bell, D. F. McCaffrey, Bias reduction in standard errors
-//! for linear regression with multi-stage samples, Survey Methodology 28(2) (2002).
+//! Source: H. R. Künsch, The jackknife and the bootstrap for general stationary observations,
+//! Annals of Statistics 17(3) (1989), with blocks that do not overlap (E. Carlstein, 1986); T. C.
+//! Hesterberg, What teachers should know about the bootstrap, American Statistician 69(4) (2015),
+//! section 5.3; R. M. Bell, D. F. McCaffrey, Bias reduction in standard errors for linear
+//! regression with multi-stage samples, Survey Methodology 28(2) (2002).
 
 use faer::Mat;
 
@@ -22,8 +25,8 @@ use super::{Equations, Estimate, IdentificationError, JointFactor};
 use crate::linalg::solve_general;
 use sgpr_numeric::internal::Random;
 
-/// Rows per block in units of what the residual remembers. Blocks lose the share 1 / (2 * this) of the variance, which is
-/// correlated across their borders.
+/// Rows per block in units of what the residual remembers. Blocks lose the share 1 / (2 * this) of
+/// the variance, which is correlated across their borders.
 const MEMORIES_PER_BLOCK: f64 = 10.0;
 
 /// Replicated estimates, expanded as few blocks require.
@@ -43,9 +46,11 @@ impl Bootstrap {
     pub fn covariance(&self) -> Mat<f64> {
         let rank = self.estimates.first().map_or(0, Vec::len);
         let count = self.estimates.len() as f64;
-        let mean: Vec<f64> = (0..rank).map(|k| self.estimates.iter().map(|e| e[k]).sum::<f64>() / count).collect();
+        let mean: Vec<f64> =
+            (0..rank).map(|k| self.estimates.iter().map(|e| e[k]).sum::<f64>() / count).collect();
         Mat::from_fn(rank, rank, |i, j| {
-            self.estimates.iter().map(|e| (e[i] - mean[i]) * (e[j] - mean[j])).sum::<f64>() / (count - 1.0)
+            self.estimates.iter().map(|e| (e[i] - mean[i]) * (e[j] - mean[j])).sum::<f64>()
+                / (count - 1.0)
         })
     }
 
@@ -84,7 +89,8 @@ pub fn block_bootstrap(
     let directions = Directions::of(&estimate.whitened);
     let size = directions.len();
     let group = Groups::of(factors);
-    let steps: Vec<usize> = equations.trajectories().iter().map(|trajectory| trajectory.decimation).collect();
+    let steps: Vec<usize> =
+        equations.trajectories().iter().map(|trajectory| trajectory.decimation).collect();
     let mut blocks: Vec<(Mat<f64>, Vec<f64>)> = Vec::new();
     let mut at = None;
     let mut row = vec![0.0; size];
@@ -103,16 +109,24 @@ pub fn block_bootstrap(
             for j in 0..size {
                 let factor = row[j];
                 if factor != 0.0 {
-                    gram.col_mut(j).iter_mut().zip(&row).for_each(|(gram, row)| *gram += factor * row);
+                    gram.col_mut(j)
+                        .iter_mut()
+                        .zip(&row)
+                        .for_each(|(gram, row)| *gram += factor * row);
                     score[j] += factor * residual;
                 }
             }
         }
     })?;
     if blocks.len() < FEWEST {
-        return Err(IdentificationError::FewBlocks { blocks: blocks.len(), rows: block, needed: FEWEST });
+        return Err(IdentificationError::FewBlocks {
+            blocks: blocks.len(),
+            rows: block,
+            needed: FEWEST,
+        });
     }
-    let lost = blocks.iter().map(|(gram, _)| gram.squared_norm_l2()).sum::<f64>() / size.max(1) as f64;
+    let lost =
+        blocks.iter().map(|(gram, _)| gram.squared_norm_l2()).sum::<f64>() / size.max(1) as f64;
     let widening = student(blocks.len() as f64 - 1.0) / (1.0 - lost.min(MOST_LOST)).sqrt();
     let mut random = Random::new(0x5EED_B007);
     let mut estimates = Vec::with_capacity(replicates);
@@ -127,7 +141,8 @@ pub fn block_bootstrap(
         // A draw that leaves a direction without data is no experiment that anyone would evaluate.
         let Some(step) = solve_general(&gram, &score) else { continue };
         let mut values = estimate.values.clone();
-        directions.advance(&mut values, &(0..size).map(|k| widening * step[(k, 0)]).collect::<Vec<_>>());
+        directions
+            .advance(&mut values, &(0..size).map(|k| widening * step[(k, 0)]).collect::<Vec<_>>());
         estimates.push(values);
     }
     Ok(Bootstrap { estimates, block, blocks: blocks.len() })

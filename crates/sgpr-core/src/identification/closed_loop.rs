@@ -9,14 +9,17 @@ use crate::dynamics::{Samples, Workspace, forward_dynamics_with_rotors};
 use crate::effects::JointState;
 use crate::robot::Robot;
 
-/// The controller of a trajectory, continuous in time: tau = feed-forward + kp (reference - q) + kd (its speed - dq).
+/// The controller of a trajectory, continuous in time: tau = feed-forward + kp (reference - q) + kd
+/// (its speed - dq).
 #[derive(Clone, Copy, Debug, Setters)]
 #[setters(prefix = "with_")]
 #[non_exhaustive]
 pub struct ClosedLoop<'a> {
-    /// Reference at the samples of the trajectory; its accelerations are not used. Between samples it is a cubic.
+    /// Reference at the samples of the trajectory; its accelerations are not used. Between samples
+    /// it is a cubic.
     pub reference: Samples<'a>,
-    /// Torque of an internal model at the samples, `[samples, n]`, N·m (N); between samples it is a line.
+    /// Torque of an internal model at the samples, `[samples, n]`, N·m (N); between samples it is a
+    /// line.
     pub feed_forward: Option<&'a [f64]>,
     /// Gain on the position at the joint, `[n]`, N·m/rad (N/m).
     pub kp: &'a [f64],
@@ -42,7 +45,8 @@ impl<'a> ClosedLoop<'a> {
 pub struct SimulatedMotion {
     /// Positions, rad (m).
     pub q: Vec<f64>,
-    /// Velocities, rad/s (m/s); of a joint that sticks, its friction: see [`ParameterSet::with_sticking_joints`].
+    /// Velocities, rad/s (m/s); of a joint that sticks, its friction: see
+    /// [`ParameterSet::with_sticking_joints`].
     pub dq: Vec<f64>,
     /// Accelerations, rad/s² (m/s²).
     pub ddq: Vec<f64>,
@@ -60,18 +64,19 @@ impl SimulatedMotion {
 /// Poses of the reference at which inertias are looked at.
 const POSES: usize = 50;
 
-/// Spring of a joint that sticks, as a share of the stiffest of one that the integration follows: with the damper it swings
-/// no more than critically damped.
+/// Spring of a joint that sticks, as a share of the stiffest of one that the integration follows:
+/// with the damper it swings no more than critically damped.
 const SPRING: f64 = 0.25;
 
 impl ClosedLoop<'_> {
-    /// The motion of `robot` with `parameters` from a given state on, by the classical Runge-Kutta method of order four;
-    /// `None` if it leaves all bounds.
+    /// The motion of `robot` with `parameters` from a given state on, by the classical Runge-Kutta
+    /// method of order four; `None` if it leaves all bounds.
     ///
-    /// Effects enter as the set says. Where they jump at rest a joint chatters about zero speed, unless they stick in the
-    /// set ([`ParameterSet::with_sticking_joints`]): then a spring and a damper hold the joint, as stiff as the integration
-    /// can follow, up to the whole of its friction, from where on it slides. So it keeps its place but for some 1e-5 rad,
-    /// whereas friction that is a steep line over the speed alone lets it creep.
+    /// Effects enter as the set says. Where they jump at rest a joint chatters about zero speed,
+    /// unless they stick in the set ([`ParameterSet::with_sticking_joints`]): then a spring and a
+    /// damper hold the joint, as stiff as the integration can follow, up to the whole of its
+    /// friction, from where on it slides. So it keeps its place but for some 1e-5 rad, whereas
+    /// friction that is a steep line over the speed alone lets it creep.
     ///
     /// - `parameters`: all of the set
     /// - `q`, `dq`: `[n]`, the state at the first sample
@@ -79,8 +84,8 @@ impl ClosedLoop<'_> {
     /// # Panics
     /// If the lengths do not fit.
     ///
-    /// Source: P. Dupont, V. Hayward, B. Armstrong, F. Altpeter, Single state elastoplastic friction models, IEEE T-AC 47(5)
-    /// (2002), for the spring that slides.
+    /// Source: P. Dupont, V. Hayward, B. Armstrong, F. Altpeter, Single state elastoplastic
+    /// friction models, IEEE T-AC 47(5) (2002), for the spring that slides.
     pub fn simulate(
         &self,
         robot: &Robot,
@@ -91,7 +96,11 @@ impl ClosedLoop<'_> {
     ) -> Option<SimulatedMotion> {
         let n = robot.dof();
         let count = self.reference.count(n);
-        assert_eq!((parameters.len(), q.len(), dq.len()), (set.len(), n, n), "parameters and state of this robot");
+        assert_eq!(
+            (parameters.len(), q.len(), dq.len()),
+            (set.len(), n, n),
+            "parameters and state of this robot"
+        );
         assert_eq!((self.kp.len(), self.kd.len()), (n, n), "gains of every joint");
         let mut arm = ControlledArm::new(robot, set, parameters);
         if set.sticks() {
@@ -116,7 +125,9 @@ impl ClosedLoop<'_> {
                     self.slope(&mut arm, at(0.0), &state, &mut slope[0]);
                 }
                 for (stage, share) in [(1, 0.5), (2, 0.5), (3, 1.0)] {
-                    for ((trial, state), slope) in trial.iter_mut().zip(&state).zip(&slope[stage - 1]) {
+                    for ((trial, state), slope) in
+                        trial.iter_mut().zip(&state).zip(&slope[stage - 1])
+                    {
                         *trial = state + share * step * slope;
                     }
                     self.slope(&mut arm, at(share), &trial, &mut slope[stage]);
@@ -132,11 +143,11 @@ impl ClosedLoop<'_> {
         Some(motion)
     }
 
-    /// Speeds at which the damper of a joint that sticks gives the whole of what jumps there, dry friction above all: the
-    /// narrowest that the integration can follow.
+    /// Speeds at which the damper of a joint that sticks gives the whole of what jumps there, dry
+    /// friction above all: the narrowest that the integration can follow.
     ///
-    /// The speed dies out at the rate jump / (2 width · inertia). The rates of all joints together are one per step at most,
-    /// a third of what the method of Runge and Kutta bears.
+    /// The speed dies out at the rate jump / (2 width · inertia). The rates of all joints together
+    /// are one per step at most, a third of what the method of Runge and Kutta bears.
     ///
     /// - returns `[n]`, rad/s (m/s); zero for joints without such an effect
     fn widths_at_rest(&self, robot: &Robot, set: &ParameterSet, parameters: &[f64]) -> Vec<f64> {
@@ -150,7 +161,11 @@ impl ClosedLoop<'_> {
             let q = &self.reference.q[sample * n..(sample + 1) * n];
             for (tau, speed) in [(&mut forwards, BARELY_MOVING), (&mut backwards, -BARELY_MOVING)] {
                 tau.fill(0.0);
-                set.add_effect_torque(parameters, &JointState { q, dq: &vec![speed; n], ddq: &vec![0.0; n] }, tau);
+                set.add_effect_torque(
+                    parameters,
+                    &JointState { q, dq: &vec![speed; n], ddq: &vec![0.0; n] },
+                    tau,
+                );
             }
             arm.tau.fill(0.0);
             arm.accelerate(q, &mut still);
@@ -171,7 +186,8 @@ impl ClosedLoop<'_> {
         1.0 / (self.rate_hz * self.steps as f64)
     }
 
-    /// Derivative of the state [q, dq, share of its friction that the spring of each joint holds] at a time in samples.
+    /// Derivative of the state [q, dq, share of its friction that the spring of each joint holds]
+    /// at a time in samples.
     fn slope(&self, arm: &mut ControlledArm<'_>, time: f64, state: &[f64], out: &mut [f64]) {
         let n = self.kp.len();
         let [q, dq, held] = [0, 1, 2].map(|part| &state[part * n..(part + 1) * n]);
@@ -182,13 +198,16 @@ impl ClosedLoop<'_> {
             let (a, b) = (from * n + joint, to * n + joint);
             let (position, speed) = self.reference_between(a, b, t);
             let forward = self.feed_forward.map_or(0.0, |tau| tau[a] + t * (tau[b] - tau[a]));
-            arm.tau[joint] = forward + self.kp[joint] * (position - q[joint]) + self.kd[joint] * (speed - dq[joint]);
+            arm.tau[joint] = forward
+                + self.kp[joint] * (position - q[joint])
+                + self.kd[joint] * (speed - dq[joint]);
         }
         out[..n].copy_from_slice(dq);
         for joint in 0..n {
             let width = arm.widths[joint];
             arm.speeds[joint] = speed_or_friction(dq[joint], held[joint], width);
-            out[2 * n + joint] = if width > 0.0 { SPRING * dq[joint] / (self.step() * width) } else { 0.0 };
+            out[2 * n + joint] =
+                if width > 0.0 { SPRING * dq[joint] / (self.step() * width) } else { 0.0 };
         }
         arm.accelerate(q, &mut out[n..2 * n]);
     }
@@ -199,8 +218,11 @@ impl ClosedLoop<'_> {
         let h = 1.0 / self.rate_hz;
         let (s, t2) = (1.0 - t, t * t);
         let position =
-            (1.0 + 2.0 * t) * s * s * q[a] + t * s * s * h * dq[a] + t2 * (3.0 - 2.0 * t) * q[b] - t2 * s * h * dq[b];
-        let speed = 6.0 * t * s / h * (q[b] - q[a]) + (1.0 - 4.0 * t + 3.0 * t2) * dq[a] + (3.0 * t2 - 2.0 * t) * dq[b];
+            (1.0 + 2.0 * t) * s * s * q[a] + t * s * s * h * dq[a] + t2 * (3.0 - 2.0 * t) * q[b]
+                - t2 * s * h * dq[b];
+        let speed = 6.0 * t * s / h * (q[b] - q[a])
+            + (1.0 - 4.0 * t + 3.0 * t2) * dq[a]
+            + (3.0 * t2 - 2.0 * t) * dq[b];
         (position, speed)
     }
 }
@@ -214,7 +236,11 @@ fn speed_or_friction(speed: f64, held: f64, width: f64) -> f64 {
         return speed;
     }
     let share = held + speed / width;
-    if share.abs() < 1.0 { share * BARELY_MOVING } else { speed.abs().max(BARELY_MOVING).copysign(share) }
+    if share.abs() < 1.0 {
+        share * BARELY_MOVING
+    } else {
+        speed.abs().max(BARELY_MOVING).copysign(share)
+    }
 }
 
 struct ControlledArm<'a> {
@@ -251,10 +277,11 @@ impl<'a> ControlledArm<'a> {
         }
     }
 
-    /// Effects are linear in the acceleration of their own joint: what they take at unit acceleration more than at none is
-    /// a rotor inertia.
+    /// Effects are linear in the acceleration of their own joint: what they take at unit
+    /// acceleration more than at none is a rotor inertia.
     fn accelerate(&mut self, q: &[f64], out: &mut [f64]) {
-        let Self { robot, ws, set, parameters, zeros, ones, drag, rotor, tau, speeds: dq, .. } = self;
+        let Self { robot, ws, set, parameters, zeros, ones, drag, rotor, tau, speeds: dq, .. } =
+            self;
         drag.fill(0.0);
         rotor.fill(0.0);
         set.add_effect_torque(parameters, &JointState { q, dq, ddq: zeros }, drag);

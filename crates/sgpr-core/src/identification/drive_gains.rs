@@ -1,19 +1,22 @@
 //! Torque per unit of motor current, from a payload of which something is known.
 //!
-//! On the UR10e, least squares gives gains about a tenth below those with which its controller turns target torques into
-//! target currents; this estimator agrees with the controller within 5 %.
+//! On the UR10e, least squares gives gains about a tenth below those with which its controller
+//! turns target torques into target currents; this estimator agrees with the controller within 5 %.
 //!
-//! Currents alone fix the parameters of an arm up to one factor per drive. A payload of known mass fixes the factors:
-//! what it adds to the torque is known in N·m. All joints share the arm's parameters, so each drive gets its own factor.
+//! Currents alone fix the parameters of an arm up to one factor per drive. A payload of known mass
+//! fixes the factors: what it adds to the torque is known in N·m. All joints share the arm's
+//! parameters, so each drive gets its own factor.
 //!
-//! The currents have the noise, not the motion, so the sum of (current - torque / gain)² is minimised, which is not linear
-//! in the gains: total least squares with errors where they are, each drive's in its own current (Van Huffel, Vandewalle
-//! (1991), section 10). It starts from least squares with the gains on the side of the unknowns, which noise would draw to
-//! zero: in two stages, the currents first fitted by the rows of their own joint, which have no noise (Theil (1953)).
-//! Estimates can be held to be those of bodies (Wensing, Kim, Slotine (2018)).
+//! The currents have the noise, not the motion, so the sum of (current - torque / gain)² is
+//! minimised, which is not linear in the gains: total least squares with errors where they are,
+//! each drive's in its own current (Van Huffel, Vandewalle (1991), section 10). It starts from
+//! least squares with the gains on the side of the unknowns, which noise would draw to zero: in two
+//! stages, the currents first fitted by the rows of their own joint, which have no noise (Theil
+//! (1953)). Estimates can be held to be those of bodies (Wensing, Kim, Slotine (2018)).
 //!
-//! Sources: M. Gautier, S. Briot, Global identification of drive gains parameters of robots using a known payload, J.
-//! Dynamic Systems, Measurement, Control 136(5) (2014); C. Gaz, F. Flacco, A. De Luca (2014) for known payloads.
+//! Sources: M. Gautier, S. Briot, Global identification of drive gains parameters of robots using a
+//! known payload, J. Dynamic Systems, Measurement, Control 136(5) (2014); C. Gaz, F. Flacco, A. De
+//! Luca (2014) for known payloads.
 
 use derive_setters::Setters;
 use faer::Mat;
@@ -22,8 +25,8 @@ use super::consistency::{Carrier, KnownPayload, bounded_least_squares};
 use super::extended_factor::{ExtendedFactor, own_noise};
 use super::payload::PayloadLink;
 use super::{
-    BaseParameters, Consistency, Estimate, IdentificationError, JointFactor, LeastSquares, Method, ParameterSet,
-    torque_sizes,
+    BaseParameters, Consistency, Estimate, IdentificationError, JointFactor, LeastSquares, Method,
+    ParameterSet, torque_sizes,
 };
 use crate::robot::Robot;
 use crate::spatial::PARAMETERS_PER_LINK;
@@ -31,11 +34,13 @@ use crate::spatial::PARAMETERS_PER_LINK;
 /// How gains are estimated.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum GainEstimator {
-    /// Least sum of (current - torque / gain)², each drive by its noise: what the currents' noise asks for.
+    /// Least sum of (current - torque / gain)², each drive by its noise: what the currents' noise
+    /// asks for.
     #[default]
     MaximumLikelihood,
-    /// Least sum of (torque - gain current)², all drives alike: in use in the literature, and drawn to zero by the noise of
-    /// the currents. Gains of joints that hardly feel the payload need a lower bound with it.
+    /// Least sum of (torque - gain current)², all drives alike: in use in the literature, and drawn
+    /// to zero by the noise of the currents. Gains of joints that hardly feel the payload need a
+    /// lower bound with it.
     LeastSquares,
 }
 
@@ -50,10 +55,11 @@ pub struct GainOptions {
     pub known: KnownPayload,
     /// How gains are estimated.
     pub estimator: GainEstimator,
-    /// Lower bounds of the gains, `[n]`; without bodies they hold for least squares only. None if empty.
+    /// Lower bounds of the gains, `[n]`; without bodies they hold for least squares only. None if
+    /// empty.
     pub lowest: Vec<f64>,
-    /// Whether the links and the payload are to be bodies, with the limits of the user and a weak pull toward the robot
-    /// file.
+    /// Whether the links and the payload are to be bodies, with the limits of the user and a weak
+    /// pull toward the robot file.
     pub consistency: Option<Consistency>,
 }
 
@@ -62,7 +68,13 @@ impl GainOptions {
     ///
     /// - `link`: index of the link that holds the payload
     pub fn new(link: usize, known: KnownPayload) -> Self {
-        Self { link, known, estimator: GainEstimator::default(), lowest: Vec::new(), consistency: None }
+        Self {
+            link,
+            known,
+            estimator: GainEstimator::default(),
+            lowest: Vec::new(),
+            consistency: None,
+        }
     }
 }
 
@@ -70,7 +82,8 @@ impl GainOptions {
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct DriveGains {
-    /// Torque per unit of what was given as torque, `[n]`: N·m/A for currents in A, 1 for torques in N·m.
+    /// Torque per unit of what was given as torque, `[n]`: N·m/A for currents in A, 1 for torques
+    /// in N·m.
     pub gains: Vec<f64>,
     /// Standard deviations, `[n]`.
     pub standard_deviations: Vec<f64>,
@@ -95,12 +108,14 @@ const LINEAR_ROUNDS: usize = 3;
 
 /// Estimates the gains of all drives.
 ///
-/// - `unloaded`, `loaded`: factors whose torques are currents, or torques by gains that are in doubt
-/// - `correlation`: rows that carry as much as one independent row, per factor of `unloaded`, then of `loaded`
+/// - `unloaded`, `loaded`: factors whose torques are currents, or torques by gains that are in
+///   doubt
+/// - `correlation`: rows that carry as much as one independent row, per factor of `unloaded`, then
+///   of `loaded`
 ///
 /// # Errors
-/// If nothing but zeros is known of the payload, there are fewer rows than unknowns, or a gain comes out as no positive
-/// number: its joint hardly feels the payload.
+/// If nothing but zeros is known of the payload, there are fewer rows than unknowns, or a gain
+/// comes out as no positive number: its joint hardly feels the payload.
 pub fn identify_drive_gains(
     robot: &Robot,
     set: &ParameterSet,
@@ -113,11 +128,17 @@ pub fn identify_drive_gains(
     if !known.iter().flatten().any(|value| *value != 0.0) {
         return Err(IdentificationError::UnknownPayload);
     }
-    let problem = GainProblem { rank: base.rank(), dof: set.dof(), held: PayloadLink::new(set, base, *link), known };
+    let problem = GainProblem {
+        rank: base.rank(),
+        dof: set.dof(),
+        held: PayloadLink::new(set, base, *link),
+        known,
+    };
     let unknowns = problem.unknowns();
     let solve = |method: Method, extend: &dyn Fn(&JointFactor, bool) -> JointFactor| {
         let without = unloaded.iter().map(|factor| extend(factor, false));
-        let factors: Vec<JointFactor> = without.chain(loaded.iter().map(|factor| extend(factor, true))).collect();
+        let factors: Vec<JointFactor> =
+            without.chain(loaded.iter().map(|factor| extend(factor, true))).collect();
         let fit = LeastSquares { method, correlation: correlation.map(<[f64]>::to_vec) };
         fit.solve_unknowns(&factors, &vec![0.0; unknowns])
     };
@@ -134,10 +155,13 @@ pub fn identify_drive_gains(
         torque: &torque,
     });
     if *estimator == GainEstimator::LeastSquares {
-        let linear = solve(Method::Ols, &|factor, loaded| problem.linear(factor, loaded, Current::Measured))?;
+        let linear = solve(Method::Ols, &|factor, loaded| {
+            problem.linear(factor, loaded, Current::Measured)
+        })?;
         return problem.least_squares(&linear, lowest, carrier.as_ref());
     }
-    // Weights from the residual of these equations would reward gains of zero; the noise of the currents does not.
+    // Weights from the residual of these equations would reward gains of zero; the noise of the
+    // currents does not.
     let noise = noise_of_joints(unloaded, loaded, problem.dof);
     let mut gains = vec![1.0; problem.dof];
     let mut x = Vec::new();
@@ -156,8 +180,12 @@ pub fn identify_drive_gains(
             Some(carrier) => x = carrier.solve(&about(&step.whitened, &x), known, lowest)?,
         }
         problem.require_positive(&x)?;
-        let change =
-            problem.gains(&x).iter().zip(&before).map(|(new, old)| (new / old - 1.0).abs()).fold(0.0, f64::max);
+        let change = problem
+            .gains(&x)
+            .iter()
+            .zip(&before)
+            .map(|(new, old)| (new / old - 1.0).abs())
+            .fold(0.0, f64::max);
         let small = if carrier.is_some() { SMALL_STEP_OF_BODIES } else { SMALL_STEP };
         if change < small || iterations == MOST_ITERATIONS {
             let deviations = step.standard_deviations();
@@ -186,7 +214,8 @@ fn about(triangle: &Mat<f64>, x: &[f64]) -> Mat<f64> {
 /// Noise of the currents of each joint: what parameters of its own leave over.
 fn noise_of_joints(unloaded: &[JointFactor], loaded: &[JointFactor], dof: usize) -> Vec<f64> {
     let of_joint = |joint: usize| {
-        let own = unloaded.iter().chain(loaded).filter(|factor| factor.joint == joint && !factor.resting);
+        let own =
+            unloaded.iter().chain(loaded).filter(|factor| factor.joint == joint && !factor.resting);
         own.map(own_noise).fold(0.0, f64::max).max(f64::MIN_POSITIVE)
     };
     (0..dof).map(of_joint).collect()
@@ -273,7 +302,9 @@ impl GainProblem<'_> {
         }
         extended.add(self.rank + PARAMETERS_PER_LINK + factor.joint, gained);
         let known = |base: usize| -> f64 {
-            (0..PARAMETERS_PER_LINK).map(|k| self.known[k].unwrap_or(0.0) * self.held.share(base, k)).sum()
+            (0..PARAMETERS_PER_LINK)
+                .map(|k| self.known[k].unwrap_or(0.0) * self.held.share(base, k))
+                .sum()
         };
         let right = extended.combined(|base| if loaded { -known(base) } else { 0.0 });
         extended.finish(&right)
@@ -291,7 +322,8 @@ impl GainProblem<'_> {
         });
         let slope = torque.iter().map(|value| -value / (gain * gain)).collect();
         extended.add(self.rank + PARAMETERS_PER_LINK + factor.joint, slope);
-        let residual: Vec<f64> = extended.torque().iter().zip(&torque).map(|(i, tau)| i - tau / gain).collect();
+        let residual: Vec<f64> =
+            extended.torque().iter().zip(&torque).map(|(i, tau)| i - tau / gain).collect();
         extended.finish(&residual)
     }
 }

@@ -6,8 +6,8 @@ use sgpr_predict::names::counted;
 pub enum IdentificationError {
     /// No row of data is left.
     #[error(
-        "there is no usable sample: all were at rest or too near to the ends of their recordings; record a motion of every \
-         joint, both ways, slowly and fast"
+        "there is no usable sample: all were at rest or too near to the ends of their recordings; \
+         record a motion of every joint, both ways, slowly and fast"
     )]
     NoData,
     /// A method of another name.
@@ -29,7 +29,10 @@ pub enum IdentificationError {
         parameters: usize,
     },
     /// NaN or infinity in the data.
-    #[error("sample {sample}: {quantity} of joint {joint} is {value}; find and repair such samples first")]
+    #[error(
+        "sample {sample}: {quantity} of joint {joint} is {value}; find and repair such samples \
+         first"
+    )]
     NotFinite {
         /// Sample, counted from zero.
         sample: usize,
@@ -42,8 +45,9 @@ pub enum IdentificationError {
     },
     /// A number whose square overflows.
     #[error(
-        "sample {sample}: the equation of joint {} has {value:e} in it, which no arm makes: check the motion, gravity and \
-         lengths of the robot file, and the channels of the log that effects ask for",
+        "sample {sample}: the equation of joint {} has {value:e} in it, which no arm makes: check \
+         the motion, gravity and lengths of the robot file, and the channels of the log that \
+         effects ask for",
         joint + 1
     )]
     TooLarge {
@@ -56,15 +60,17 @@ pub enum IdentificationError {
     },
     /// A pull toward the robot file whose widths rounding does not tell apart.
     #[error(
-        "ridge: parameters of the robot file are so much smaller than friction of the size of the measured torques that rounding \
-         hides them: check the unit of the torque and the masses of the robot file, or use another method"
+        "ridge: parameters of the robot file are so much smaller than friction of the size of the \
+         measured torques that rounding hides them: check the unit of the torque and the masses of \
+         the robot file, or use another method"
     )]
     PullWithoutScale,
     /// A filter does not fit the data.
     #[error(transparent)]
     Signal(#[from] crate::signal::SignalError),
     /// Noise levels that make no weights.
-    #[error("the noise of joint {} is given as {value}: a standard deviation is positive and finite", joint + 1)]
+    #[error("the noise of joint {} is given as {value}: a standard deviation is positive and \
+         finite", joint + 1)]
     Noise {
         /// Joint, counted from zero.
         joint: usize,
@@ -87,7 +93,8 @@ pub enum IdentificationError {
     },
     /// A prior of no width.
     #[error(
-        "a relative deviation of {value:e} for the prior: it is between {:e} and {:e}, 1 where the robot file is a guess",
+        "a relative deviation of {value:e} for the prior: it is between {:e} and {:e}, 1 where the \
+         robot file is a guess",
         super::PRIOR_DEVIATIONS.start(),
         super::PRIOR_DEVIATIONS.end()
     )]
@@ -97,8 +104,8 @@ pub enum IdentificationError {
     },
     /// The program of consistent parameters could not be solved although its limits can be kept.
     #[error(
-        "the consistent parameters could not be computed ({reason}): a prior less wide or less narrow, or fewer \
-         unexcited parameters, make the problem better conditioned"
+        "the consistent parameters could not be computed ({reason}): a prior less wide or less \
+         narrow, or fewer unexcited parameters, make the problem better conditioned"
     )]
     Unsolved {
         /// The solver's word.
@@ -114,22 +121,24 @@ pub enum IdentificationError {
     },
     /// Instrumental variables without instruments.
     #[error(
-        "trajectory {} has no instruments: give the motion without its noise, the reference or a simulation, at the same \
-         samples", trajectory + 1
+        "trajectory {} has no instruments: give the motion without its noise, the reference or a \
+         simulation, at the same samples", trajectory + 1
     )]
     NoInstruments {
         /// Trajectory, counted from zero.
         trajectory: usize,
     },
     /// Output error without a controller.
-    #[error("trajectory {} has no controller: give its gains and the reference, or use another method", trajectory + 1)]
+    #[error("trajectory {} has no controller: give its gains and the reference, or use another \
+         method", trajectory + 1)]
     NoController {
         /// Trajectory, counted from zero.
         trajectory: usize,
     },
     /// The simulated arm runs away.
     #[error(
-        "the simulation of trajectory {} diverges: check sign and unit of the gains, or start from a better robot file",
+        "the simulation of trajectory {} diverges: check sign and unit of the gains, or start from \
+         a better robot file",
         trajectory + 1
     )]
     Diverged {
@@ -137,7 +146,10 @@ pub enum IdentificationError {
         trajectory: usize,
     },
     /// Too few blocks to draw from.
-    #[error("{blocks} blocks of {rows} rows: at least {needed} are needed to draw from; record longer, or use HAC")]
+    #[error(
+        "{blocks} blocks of {rows} rows: at least {needed} are needed to draw from; record longer, \
+         or use HAC"
+    )]
     FewBlocks {
         /// Blocks there are.
         blocks: usize,
@@ -151,8 +163,8 @@ pub enum IdentificationError {
     UnknownPayload,
     /// A gain that no drive has.
     #[error(
-        "the gain of joint {} comes out as {gain:.3}: the joint hardly feels the payload in these logs; record motions that \
-         carry it far from the joint, with speed changes",
+        "the gain of joint {} comes out as {gain:.3}: the joint hardly feels the payload in these \
+         logs; record motions that carry it far from the joint, with speed changes",
         joint + 1
     )]
     NoGain {

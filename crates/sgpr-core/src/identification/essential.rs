@@ -1,12 +1,14 @@
 //! Which base parameters the data support.
 //!
-//! Parameters that are no larger than their uncertainty cost nothing to leave out and make what is left more certain.
-//! They are dropped one by one, each time the one whose absence raises the residual least. How many may go is decided
-//! twice: by the rise of the residual, which under the hypothesis "they are zero" follows a chi-squared law, and by
-//! prediction of data that were kept out of the fit.
+//! Parameters that are no larger than their uncertainty cost nothing to leave out and make what is
+//! left more certain. They are dropped one by one, each time the one whose absence raises the
+//! residual least. How many may go is decided twice: by the rise of the residual, which under the
+//! hypothesis "they are zero" follows a chi-squared law, and by prediction of data that were kept
+//! out of the fit.
 //!
-//! Sources: W. Khalil, E. Dombre, Modeling, Identification and Control of Robots (2002), section 12.5.4 (essential
-//! parameters); C. M. Pham, M. Gautier, Essential parameters of robots, IEEE CDC (1991).
+//! Sources: W. Khalil, E. Dombre, Modeling, Identification and Control of Robots (2002), section
+//! 12.5.4 (essential parameters); C. M. Pham, M. Gautier, Essential parameters of robots, IEEE CDC
+//! (1991).
 
 use faer::Mat;
 
@@ -26,7 +28,8 @@ pub struct Essential {
     pub values: Vec<f64>,
     /// Their covariance, `[rank, rank]`, zero for those.
     pub covariance: Mat<f64>,
-    /// Error of the prediction of data kept out, as a share of that of all parameters: with 0, 1, 2, ... dropped.
+    /// Error of the prediction of data kept out, as a share of that of all parameters: with 0, 1,
+    /// 2, ... dropped.
     pub validation: Vec<f64>,
 }
 
@@ -50,7 +53,8 @@ const WORSE: f64 = 1e-3;
 /// Drops what the data do not support.
 ///
 /// - `folds`: factors of parts of the data; each part is predicted from the others
-/// - `weights`: noise level of the rows by joint and by whether it rests, memory included; infinite leaves rows out
+/// - `weights`: noise level of the rows by joint and by whether it rests, memory included; infinite
+///   leaves rows out
 ///
 /// # Errors
 /// If there is no data.
@@ -59,8 +63,10 @@ pub fn essential_parameters(
     rank: usize,
     weight: impl Fn(&JointFactor) -> f64,
 ) -> Result<Essential, IdentificationError> {
-    let reduced: Vec<Mat<f64>> =
-        folds.iter().map(|factors| stack(factors, rank, &factors.iter().map(&weight).collect::<Vec<_>>())).collect();
+    let reduced: Vec<Mat<f64>> = folds
+        .iter()
+        .map(|factors| stack(factors, rank, &factors.iter().map(&weight).collect::<Vec<_>>()))
+        .collect();
     if reduced.is_empty() {
         return Err(IdentificationError::NoData);
     }
@@ -71,7 +77,8 @@ pub fn essential_parameters(
     let best = validation[..=supported].iter().fold(f64::INFINITY, |best, error| best.min(*error));
     let count = (0..=supported).rev().find(|&count| validation[count] <= best + WORSE).unwrap_or(0);
     let dropped = order[..count].to_vec();
-    let kept: Vec<usize> = (0..rank).filter(|k| dropped.iter().all(|gone| gone.base != *k)).collect();
+    let kept: Vec<usize> =
+        (0..rank).filter(|k| dropped.iter().all(|gone| gone.base != *k)).collect();
     let solution = Reduced::new(&all, &kept);
     let mut values = vec![0.0; rank];
     let mut covariance = Mat::zeros(rank, rank);
@@ -95,7 +102,9 @@ impl Reduced {
     fn new(all: &Mat<f64>, kept: &[usize]) -> Self {
         let last = all.ncols() - 1;
         let column = |k: usize| if k < kept.len() { kept[k] } else { last };
-        let triangle = triangle(Mat::from_fn(all.nrows(), kept.len() + 1, |i, k| all[(i, column(k))]).as_ref());
+        let triangle = triangle(
+            Mat::from_fn(all.nrows(), kept.len() + 1, |i, k| all[(i, column(k))]).as_ref(),
+        );
         let Solution { values, inverse, .. } = Solution::new(&triangle, &vec![0.0; kept.len()]);
         Self { values, inverse, triangle }
     }
@@ -118,11 +127,17 @@ fn elimination_order(all: &Mat<f64>, rank: usize) -> Vec<Dropped> {
             let deviation = fit.inverse[(k, k)].max(0.0).sqrt();
             if deviation > 0.0 { fit.values[k].abs() / deviation } else { 0.0 }
         };
-        let weakest = (0..kept.len()).min_by(|&a, &b| ratio(a).total_cmp(&ratio(b))).expect("some are kept");
+        let weakest =
+            (0..kept.len()).min_by(|&a, &b| ratio(a).total_cmp(&ratio(b))).expect("some are kept");
         let relative_deviation = 1.0 / ratio(weakest);
         let base = kept.remove(weakest);
         let rise = Reduced::new(all, &kept).residual() - first;
-        order.push(Dropped { base, relative_deviation, rise, limit: chi_squared_95(order.len() + 1) });
+        order.push(Dropped {
+            base,
+            relative_deviation,
+            rise,
+            limit: chi_squared_95(order.len() + 1),
+        });
     }
     order
 }
@@ -131,13 +146,16 @@ fn elimination_order(all: &Mat<f64>, rank: usize) -> Vec<Dropped> {
 fn validation(folds: &[Mat<f64>], rank: usize, order: &[Dropped]) -> Vec<f64> {
     let mut errors = vec![0.0; order.len() + 1];
     for (index, fold) in folds.iter().enumerate() {
-        let others = folds.iter().enumerate().filter(|(other, _)| *other != index || folds.len() == 1);
+        let others =
+            folds.iter().enumerate().filter(|(other, _)| *other != index || folds.len() == 1);
         let training = below_each_other(others.map(|(_, fold)| fold), rank + 1);
         for (count, error) in errors.iter_mut().enumerate() {
-            let kept: Vec<usize> = (0..rank).filter(|k| order[..count].iter().all(|gone| gone.base != *k)).collect();
+            let kept: Vec<usize> =
+                (0..rank).filter(|k| order[..count].iter().all(|gone| gone.base != *k)).collect();
             let fit = Reduced::new(&training, &kept);
             let row = |i: usize| {
-                let predicted = kept.iter().zip(&fit.values).map(|(&k, value)| fold[(i, k)] * value);
+                let predicted =
+                    kept.iter().zip(&fit.values).map(|(&k, value)| fold[(i, k)] * value);
                 fold[(i, rank)] - predicted.sum::<f64>()
             };
             *error += (0..=rank).map(|i| row(i).powi(2)).sum::<f64>();
@@ -149,13 +167,15 @@ fn validation(folds: &[Mat<f64>], rank: usize, order: &[Dropped]) -> Vec<f64> {
 
 fn below_each_other<'a>(parts: impl Iterator<Item = &'a Mat<f64>>, width: usize) -> Mat<f64> {
     let parts: Vec<&Mat<f64>> = parts.collect();
-    triangle(Mat::from_fn(parts.len() * width, width, |i, j| parts[i / width][(i % width, j)]).as_ref())
+    triangle(
+        Mat::from_fn(parts.len() * width, width, |i, j| parts[i / width][(i % width, j)]).as_ref(),
+    )
 }
 
 /// 95 % quantile of the chi-squared law.
 ///
-/// Source: E. B. Wilson, M. M. Hilferty, The distribution of chi-square, PNAS 17 (1931); within 2 % from one degree of
-/// freedom on.
+/// Source: E. B. Wilson, M. M. Hilferty, The distribution of chi-square, PNAS 17 (1931); within 2 %
+/// from one degree of freedom on.
 fn chi_squared_95(degrees: usize) -> f64 {
     const NORMAL_95: f64 = 1.644_853_626_951_472_7;
     let k = degrees as f64;

@@ -7,9 +7,12 @@ use super::{Equations, Estimate, IdentificationError, JointFactor, LeastSquares,
 
 /// Estimates the base parameters by any method.
 ///
-/// - `factors`: those of the equations, [`Equations::factors`]; methods that do not look at single rows need nothing else
-/// - `nominal`: base parameters of the robot file, `[rank]`; directions that the data do not determine stay there
-/// - `correlation`: per factor, rows that carry as much as one independent row, as [`residual_correlation`] finds
+/// - `factors`: those of the equations, [`Equations::factors`]; methods that do not look at single
+///   rows need nothing else
+/// - `nominal`: base parameters of the robot file, `[rank]`; directions that the data do not
+///   determine stay there
+/// - `correlation`: per factor, rows that carry as much as one independent row, as
+///   [`residual_correlation`] finds
 ///
 /// # Errors
 /// If there are too few rows, a setting of the method makes no sense, or instruments are missing.
@@ -23,7 +26,8 @@ pub fn estimate(
     nominal: &[f64],
     correlation: Option<&[f64]>,
 ) -> Result<Estimate, IdentificationError> {
-    let start = LeastSquares { method: method.clone(), correlation: correlation.map(<[f64]>::to_vec) };
+    let start =
+        LeastSquares { method: method.clone(), correlation: correlation.map(<[f64]>::to_vec) };
     let start = start.solve(factors, equations.base(), nominal)?;
     from_start(method, equations, factors, start, nominal, correlation)
 }
@@ -38,15 +42,16 @@ pub(super) fn from_start(
     correlation: Option<&[f64]>,
 ) -> Result<Estimate, IdentificationError> {
     match *method {
-        Method::By(estimator, setting) => {
-            (estimator.run)(EstimatorTask { setting, equations, factors, nominal, correlation }, start)
-        }
+        Method::By(estimator, setting) => (estimator.run)(
+            EstimatorTask { setting, equations, factors, nominal, correlation },
+            start,
+        ),
         _ => Ok(start),
     }
 }
 
-/// Per factor: how many rows carry as much as one independent row, from the autocorrelation of the residual that `base`
-/// leaves.
+/// Per factor: how many rows carry as much as one independent row, from the autocorrelation of the
+/// residual that `base` leaves.
 ///
 /// # Errors
 /// As [`Equations::for_each`].

@@ -7,21 +7,25 @@ use super::{ESTIMATORS, Equations, Estimate, IdentificationError, JointFactor};
 
 /// How the base parameters are estimated.
 ///
-/// On data without noise all agree; they differ in what they make of noise. [`estimate`](super::estimate()) runs any of them.
-/// As text, `wls`, `irls` or `irls:1.345`: see [`Method::choices`].
+/// On data without noise all agree; they differ in what they make of noise.
+/// [`estimate`](super::estimate()) runs any of them. As text, `wls`, `irls` or `irls:1.345`: see
+/// [`Method::choices`].
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Method {
     /// All rows in motion alike (thesis eq. 4-10).
     Ols,
-    /// Each joint by the inverse of its noise variance, found from its residual and iterated (thesis eqs. 4-5, 4-6).
+    /// Each joint by the inverse of its noise variance, found from its residual and iterated
+    /// (thesis eqs. 4-5, 4-6).
     ///
-    /// The rows of a joint at rest are a group of their own: what dry friction may hold shows in their residual.
+    /// The rows of a joint at rest are a group of their own: what dry friction may hold shows in
+    /// their residual.
     Wls,
-    /// Each joint by the inverse of a noise variance known beforehand, for instance from repeated periods (thesis eq.
-    /// 4-8): standard deviations `[n]`, N·m (N).
+    /// Each joint by the inverse of a noise variance known beforehand, for instance from repeated
+    /// periods (thesis eq. 4-8): standard deviations `[n]`, N·m (N).
     WlsKnown(Vec<f64>),
-    /// One of [`ESTIMATORS`], which begins where `Wls` ends, made by [`Estimator::method`] or [`Estimator::with`].
+    /// One of [`ESTIMATORS`], which begins where `Wls` ends, made by [`Estimator::method`] or
+    /// [`Estimator::with`].
     By(&'static Estimator, f64),
 }
 
@@ -78,10 +82,12 @@ impl Method {
         }
     }
 
-    /// What a user may ask for: `ols`, `wls`, and the names of [`ESTIMATORS`], those with a setting also as `NAME:SETTING`.
+    /// What a user may ask for: `ols`, `wls`, and the names of [`ESTIMATORS`], those with a setting
+    /// also as `NAME:SETTING`.
     pub fn choices() -> Vec<String> {
         let of = |estimator: &&Estimator| {
-            let with = estimator.setting.map(|setting| format!("{}:{}", estimator.name, setting.name));
+            let with =
+                estimator.setting.map(|setting| format!("{}:{}", estimator.name, setting.name));
             [Some(estimator.name.to_string()), with].into_iter().flatten()
         };
         ["ols", "wls"].map(String::from).into_iter().chain(ESTIMATORS.iter().flat_map(of)).collect()
@@ -93,7 +99,8 @@ impl FromStr for Method {
 
     fn from_str(text: &str) -> Result<Self, Self::Err> {
         let unknown = || IdentificationError::UnknownMethod { text: text.into() };
-        let (name, number) = text.split_once(':').map_or((text, None), |(name, number)| (name, Some(number)));
+        let (name, number) =
+            text.split_once(':').map_or((text, None), |(name, number)| (name, Some(number)));
         let estimator = ESTIMATORS.iter().find(|estimator| estimator.name == name);
         match (name, estimator, number) {
             ("ols", _, None) => Ok(Self::Ols),
@@ -146,7 +153,8 @@ pub enum EstimatorNeeds {
     Factors,
     /// Single rows.
     Rows,
-    /// The motion without noise: [`Trajectory::instruments`](super::Trajectory::instruments), or a controller.
+    /// The motion without noise: [`Trajectory::instruments`](super::Trajectory::instruments), or a
+    /// controller.
     Instruments,
     /// The controller of the arm: [`Trajectory::closed_loop`](super::Trajectory::closed_loop).
     Controller,
@@ -181,7 +189,16 @@ impl Estimator {
     /// One that looks at single rows, has no setting, and whose weights are those of the start.
     pub(super) const fn new(name: &'static str, title: &'static str, run: EstimatorRun) -> Self {
         let (needs, setting) = (EstimatorNeeds::Rows, None);
-        Self { name, title, setting, needs, reweights: false, has_prior: false, counts_memory: false, run }
+        Self {
+            name,
+            title,
+            setting,
+            needs,
+            reweights: false,
+            has_prior: false,
+            counts_memory: false,
+            run,
+        }
     }
 
     /// With its usual setting.

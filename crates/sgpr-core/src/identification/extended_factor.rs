@@ -1,4 +1,5 @@
-//! Factors with more, other or scaled columns: what is linear in the rows of [W tau] needs no second look at the data.
+//! Factors with more, other or scaled columns: what is linear in the rows of [W tau] needs no
+//! second look at the data.
 
 use faer::Mat;
 
@@ -23,7 +24,8 @@ impl<'a> ExtendedFactor<'a> {
         for (position, &base) in self.source.columns.iter().enumerate() {
             let share = share(base);
             if share != 0.0 {
-                (0..=position).for_each(|row| column[row] += share * self.source.factor[(row, position)]);
+                (0..=position)
+                    .for_each(|row| column[row] += share * self.source.factor[(row, position)]);
             }
         }
         column
@@ -67,8 +69,8 @@ impl<'a> ExtendedFactor<'a> {
     }
 }
 
-/// Noise of a factor with parameters of its own: what is left is no disagreement with other joints. Infinite at rest, and
-/// where a brake leaves no torque at all.
+/// Noise of a factor with parameters of its own: what is left is no disagreement with other joints.
+/// Infinite at rest, and where a brake leaves no torque at all.
 pub(super) fn own_noise(factor: &JointFactor) -> f64 {
     let last = factor.factor.ncols() - 1;
     let torque = factor.factor.col(last).norm_l2();

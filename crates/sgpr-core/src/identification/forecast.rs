@@ -3,7 +3,9 @@
 use faer::Mat;
 use serde::{Deserialize, Serialize};
 
-use super::{BaseParameters, IdentificationError, JointFactor, Observation, ParameterSet, Trajectory};
+use super::{
+    BaseParameters, IdentificationError, JointFactor, Observation, ParameterSet, Trajectory,
+};
 use crate::dynamics::Samples;
 use crate::robot::Robot;
 use sgpr_numeric::internal::Random;
@@ -11,24 +13,29 @@ use sgpr_numeric::internal::Random;
 /// How surely a model of logs predicts the torque of other motion, and a model of more such logs.
 ///
 /// Made after recording by [`identify`](crate::model::identify), before recording by
-/// [`optimise`](crate::excitation::optimise). Other motion is one in which every joint has a position, speed and acceleration
-/// that it had in the logs, each joint at another time, and half of them on the way back. What the parameters do not know is
-/// their covariance, its part of the data in proportion to the time; torque that the model has no law for is not in it.
+/// [`optimise`](crate::excitation::optimise). Other motion is one in which every joint has a
+/// position, speed and acceleration that it had in the logs, each joint at another time, and half
+/// of them on the way back. What the parameters do not know is their covariance, its part of the
+/// data in proportion to the time; torque that the model has no law for is not in it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct Forecast {
-    /// Seconds of logs: those that there are, or one repetition of the motion, then twice, four times as long and so on.
+    /// Seconds of logs: those that there are, or one repetition of the motion, then twice, four
+    /// times as long and so on.
     pub seconds: Vec<f64>,
-    /// Standard deviation that uncertain parameters bring to each joint's torque, root mean square over such motion,
-    /// `[seconds][n]`, N·m (N).
+    /// Standard deviation that uncertain parameters bring to each joint's torque, root mean square
+    /// over such motion, `[seconds][n]`, N·m (N).
     pub deviation: Vec<Vec<f64>>,
-    /// Standard deviation of what the model leaves of each joint's torque, `[n]`, N·m (N); zero for a joint that does not move.
+    /// Standard deviation of what the model leaves of each joint's torque, `[n]`, N·m (N); zero for
+    /// a joint that does not move.
     pub noise: Vec<f64>,
-    /// Which motion would free parameters that the logs do not determine, a sentence for each joint that lacks one.
+    /// Which motion would free parameters that the logs do not determine, a sentence for each joint
+    /// that lacks one.
     pub advice: Vec<String>,
 }
 
-/// Parameters are sure enough if they bring a third of the noise: it makes the error larger by a twentieth.
+/// Parameters are sure enough if they bring a third of the noise: it makes the error larger by a
+/// twentieth.
 const ENOUGH: f64 = 1.0 / 3.0;
 
 /// Times what there is.
@@ -38,8 +45,8 @@ pub(crate) const LONGER: [f64; 5] = [1.0, 2.0, 4.0, 8.0, 16.0];
 pub(crate) const STATES: usize = 200;
 
 impl Forecast {
-    /// Seconds of logs, those that there are among them, after which the parameters of a joint are sure enough; none if
-    /// sixteen times the logs are not enough.
+    /// Seconds of logs, those that there are among them, after which the parameters of a joint are
+    /// sure enough; none if sixteen times the logs are not enough.
     pub fn enough_at(&self, joint: usize) -> Option<f64> {
         let limit = ENOUGH * self.noise[joint];
         let share = |at: usize| self.deviation[at][joint] / limit;
@@ -51,10 +58,11 @@ impl Forecast {
         Some(from * (to / from).powf(above / (above + below)))
     }
 
-    /// Seconds of further logs of their kind until the parameters of all joints are sure enough, zero if they are; none if
-    /// such logs do not help some joint.
+    /// Seconds of further logs of their kind until the parameters of all joints are sure enough,
+    /// zero if they are; none if such logs do not help some joint.
     pub fn seconds_to_go(&self) -> Option<f64> {
-        let all: Option<Vec<f64>> = (0..self.noise.len()).map(|joint| self.enough_at(joint)).collect();
+        let all: Option<Vec<f64>> =
+            (0..self.noise.len()).map(|joint| self.enough_at(joint)).collect();
         all.map(|all| all.into_iter().fold(self.seconds[0], f64::max) - self.seconds[0])
     }
 }
@@ -65,12 +73,18 @@ pub(crate) fn either_way(random: &mut Random, [q, dq, ddq]: [f64; 3]) -> [f64; 3
     [q, direction * dq, ddq]
 }
 
-/// Standard deviation that parameters of this covariance bring to each joint's torque, root mean square over states, `[n]`.
-pub(crate) fn deviation_of(covariance: &Mat<f64>, states: &[JointFactor], joints: usize) -> Vec<f64> {
+/// Standard deviation that parameters of this covariance bring to each joint's torque, root mean
+/// square over states, `[n]`.
+pub(crate) fn deviation_of(
+    covariance: &Mat<f64>,
+    states: &[JointFactor],
+    joints: usize,
+) -> Vec<f64> {
     let of = |joint: usize| {
         let own = states.iter().filter(|factor| factor.joint == joint);
-        let (sum, rows) =
-            own.fold((0.0, 0), |(sum, rows), factor| (sum + variances(covariance, factor), rows + factor.rows));
+        let (sum, rows) = own.fold((0.0, 0), |(sum, rows), factor| {
+            (sum + variances(covariance, factor), rows + factor.rows)
+        });
         (sum / rows.max(1) as f64).sqrt()
     };
     (0..joints).map(of).collect()

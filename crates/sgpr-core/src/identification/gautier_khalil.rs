@@ -1,18 +1,21 @@
 //! The regrouping rules of Gautier and Khalil, as formulas.
 //!
-//! Frames follow the modified Denavit-Hartenberg convention: from frame j-1 turn by alpha about x, shift by d along x,
-//! turn by theta about z, shift by r along z ([`DhRow`] calls d `a` and r `d`). Three parameters of a link behind a
-//! rotating joint, and six behind a sliding one, act as if they were part of the link before it.
+//! Frames follow the modified Denavit-Hartenberg convention: from frame j-1 turn by alpha about x,
+//! shift by d along x, turn by theta about z, shift by r along z ([`DhRow`] calls d `a` and r `d`).
+//! Three parameters of a link behind a rotating joint, and six behind a sliding one, act as if they
+//! were part of the link before it.
 //!
-//! Sources: M. Gautier, W. Khalil, Direct calculation of minimum set of inertial parameters of serial robots, IEEE T-RA
-//! 6(3) (1990); W. Khalil, E. Dombre, Modeling, Identification and Control of Robots (2002), section 9.4.2.
+//! Sources: M. Gautier, W. Khalil, Direct calculation of minimum set of inertial parameters of
+//! serial robots, IEEE T-RA 6(3) (1990); W. Khalil, E. Dombre, Modeling, Identification and Control
+//! of Robots (2002), section 9.4.2.
 
 use std::fmt;
 
 use crate::robot::DhRow;
 use crate::spatial::STANDARD_PARAMETER_NAMES;
 
-/// Where a parameter of the link behind a joint goes: factors on the parameters of the link before it, and on its own.
+/// Where a parameter of the link behind a joint goes: factors on the parameters of the link before
+/// it, and on its own.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Regrouping {
@@ -70,7 +73,11 @@ pub fn regroupings(row: &DhRow) -> Vec<Regrouping> {
     }
     rotating()
         .into_iter()
-        .map(|(source, before, own)| Regrouping { source, before: gains(&before), own: gains(&own) })
+        .map(|(source, before, own)| Regrouping {
+            source,
+            before: gains(&before),
+            own: gains(&own),
+        })
         .collect()
 }
 
@@ -79,13 +86,16 @@ impl fmt::Display for Regrouping {
         let gain = |link: &'static str| {
             move |gain: &RegroupingFactor| {
                 let sign = if gain.formula.starts_with('-') { "" } else { "+ " };
-                let formula =
-                    gain.formula.strip_prefix('-').map_or_else(|| gain.formula.clone(), |rest| format!("- {rest}"));
+                let formula = gain
+                    .formula
+                    .strip_prefix('-')
+                    .map_or_else(|| gain.formula.clone(), |rest| format!("- {rest}"));
                 format!("{}({link}) {sign}{formula}", STANDARD_PARAMETER_NAMES[gain.parameter])
             }
         };
         let own = self.own.iter().filter(|gain| gain.parameter != self.source);
-        let terms: Vec<String> = self.before.iter().map(gain("j-1")).chain(own.map(gain("j"))).collect();
+        let terms: Vec<String> =
+            self.before.iter().map(gain("j-1")).chain(own.map(gain("j"))).collect();
         write!(f, "{}(j): {}", STANDARD_PARAMETER_NAMES[self.source], terms.join(", "))
     }
 }
@@ -156,18 +166,23 @@ fn rotating() -> Vec<Rule> {
     ]
 }
 
-/// An entry of the inertia of a link that slides, turned into the frame before: R I Rᵀ (Khalil and Dombre, eq. 9.34).
+/// An entry of the inertia of a link that slides, turned into the frame before: R I Rᵀ (Khalil and
+/// Dombre, eq. 9.34).
 fn turned(source: usize) -> Vec<(usize, Polynomial)> {
     let zero: Monomial = (0.0, [0; 6]);
-    let one = |factor: f64, powers: [i32; 4]| (factor, [0, 0, powers[0], powers[1], powers[2], powers[3]]);
+    let one = |factor: f64, powers: [i32; 4]| {
+        (factor, [0, 0, powers[0], powers[1], powers[2], powers[3]])
+    };
     // sin and cos of alpha, then of theta.
     let rotation = [
         [one(1.0, [0, 0, 0, 1]), one(-1.0, [0, 0, 1, 0]), zero],
         [one(1.0, [0, 1, 1, 0]), one(1.0, [0, 1, 0, 1]), one(-1.0, [1, 0, 0, 0])],
         [one(1.0, [1, 0, 1, 0]), one(1.0, [1, 0, 0, 1]), one(1.0, [0, 1, 0, 0])],
     ];
-    const PLACES: [(usize, usize, usize); 6] = [(XX, 0, 0), (XY, 0, 1), (XZ, 0, 2), (YY, 1, 1), (YZ, 1, 2), (ZZ, 2, 2)];
-    let (_, row, column) = PLACES.into_iter().find(|place| place.0 == source).expect("an entry of the inertia");
+    const PLACES: [(usize, usize, usize); 6] =
+        [(XX, 0, 0), (XY, 0, 1), (XZ, 0, 2), (YY, 1, 1), (YZ, 1, 2), (ZZ, 2, 2)];
+    let (_, row, column) =
+        PLACES.into_iter().find(|place| place.0 == source).expect("an entry of the inertia");
     let product = |a: Monomial, b: Monomial| (a.0 * b.0, std::array::from_fn(|k| a.1[k] + b.1[k]));
     let entry = |(target, i, j): (usize, usize, usize)| {
         let mut sum: Polynomial = vec![product(rotation[i][row], rotation[j][column])];
@@ -214,12 +229,21 @@ mod tests {
     use super::*;
     use crate::spatial::{LinkInertia, Matrix3, PARAMETERS_PER_LINK, Pose, Vector3};
 
-    /// What a unit of `parameter` of the link behind is in the frame before, the joint at `position`.
-    fn moved(row: &DhRow, position: f64, parameters: &[f64; PARAMETERS_PER_LINK]) -> [f64; PARAMETERS_PER_LINK] {
-        let (theta, r) = if row.prismatic { (row.theta, row.d + position) } else { (row.theta + position, row.d) };
+    /// What a unit of `parameter` of the link behind is in the frame before, the joint at
+    /// `position`.
+    fn moved(
+        row: &DhRow,
+        position: f64,
+        parameters: &[f64; PARAMETERS_PER_LINK],
+    ) -> [f64; PARAMETERS_PER_LINK] {
+        let (theta, r) = if row.prismatic {
+            (row.theta, row.d + position)
+        } else {
+            (row.theta + position, row.d)
+        };
         let [x, z] = [Vector3::new(1.0, 0.0, 0.0), Vector3::new(0.0, 0.0, 1.0)];
-        let pose =
-            Pose::new(Matrix3::rotation(x, row.alpha), x * row.a) * Pose::new(Matrix3::rotation(z, theta), z * r);
+        let pose = Pose::new(Matrix3::rotation(x, row.alpha), x * row.a)
+            * Pose::new(Matrix3::rotation(z, theta), z * r);
         LinkInertia::from_standard_parameters(parameters).expressed_in(&pose).standard_parameters()
     }
 

@@ -1,4 +1,5 @@
-//! Which rows of the equations belong together: those of a joint that moves, and those of one at rest.
+//! Which rows of the equations belong together: those of a joint that moves, and those of one at
+//! rest.
 
 use super::autocorrelation::Memory;
 use super::{Equation, Equations, IdentificationError, JointFactor};
@@ -11,7 +12,8 @@ pub(super) fn memories(
 ) -> Result<Vec<Memory>, IdentificationError> {
     let group = Groups::of(factors);
     let mut memories = vec![Memory::default(); factors.len()];
-    let steps: Vec<usize> = equations.trajectories().iter().map(|trajectory| trajectory.decimation).collect();
+    let steps: Vec<usize> =
+        equations.trajectories().iter().map(|trajectory| trajectory.decimation).collect();
     equations.for_each(|equation| {
         let time = equation.sample / steps[equation.trajectory];
         if let Some(index) = group.index(&equation) {

@@ -1,11 +1,13 @@
-//! Instrumental variables: the normal equations Zᵀ W base = Zᵀ tau with rows Z that share no noise with W.
+//! Instrumental variables: the normal equations Zᵀ W base = Zᵀ tau with rows Z that share no noise
+//! with W.
 //!
-//! Source: A. Janot, P.-O. Vandanjon, M. Gautier, A generic instrumental variable approach for industrial robot
-//! identification, IEEE T-CST 22(1) (2014), section III.
+//! Source: A. Janot, P.-O. Vandanjon, M. Gautier, A generic instrumental variable approach for
+//! industrial robot identification, IEEE T-CST 22(1) (2014), section III.
 //!
-//! The residual holds the noise of the positions, differentiated twice: it changes sign from row to row, and smooth
-//! instruments average it out. A variance per row would not know that, so the covariance is that of the sum of
-//! instrument * residual, its spectrum at frequency zero, as in [`hac_covariance`](super::hac_covariance).
+//! The residual holds the noise of the positions, differentiated twice: it changes sign from row to
+//! row, and smooth instruments average it out. A variance per row would not know that, so the
+//! covariance is that of the sum of instrument * residual, its spectrum at frequency zero, as in
+//! [`hac_covariance`](super::hac_covariance).
 
 use faer::Mat;
 
@@ -24,8 +26,8 @@ struct InstrumentProducts {
     with_residual: Vec<f64>,
 }
 
-/// Instrumental variables: consistent also when the observation matrix has noise, given the motion without noise, from a
-/// simulation or the reference ([`Trajectory::instruments`]).
+/// Instrumental variables: consistent also when the observation matrix has noise, given the motion
+/// without noise, from a simulation or the reference ([`Trajectory::instruments`]).
 pub static INSTRUMENTAL_VARIABLES: Estimator = Estimator {
     needs: EstimatorNeeds::Instruments,
     reweights: true,
@@ -44,7 +46,8 @@ fn estimate(task: EstimatorTask<'_, '_>, start: Estimate) -> Result<Estimate, Id
     }
     let directions = Directions::of(&start.whitened);
     let group = Groups::of(factors);
-    // The second round is a step of iterative refinement: its residual has the digits that the first sum lost.
+    // The second round is a step of iterative refinement: its residual has the digits that the
+    // first sum lost.
     let mut values = nominal.to_vec();
     let mut projected = Mat::<f64>::zeros(0, 0);
     for _ in 0..2 {
@@ -74,14 +77,17 @@ fn estimate(task: EstimatorTask<'_, '_>, start: Estimate) -> Result<Estimate, Id
         projected = basis.transpose() * left * basis;
         let right = basis.transpose() * right;
         let step = solve_general(&projected, &right).ok_or(IdentificationError::WeakInstruments)?;
-        directions.advance(&mut values, &(0..directions.len()).map(|k| step[(k, 0)]).collect::<Vec<_>>());
+        directions
+            .advance(&mut values, &(0..directions.len()).map(|k| step[(k, 0)]).collect::<Vec<_>>());
     }
     let found = Estimate { values, ..start };
-    let scores = score_covariance(equations, factors, &found, &directions, RowsOf::Instruments, None)?;
+    let scores =
+        score_covariance(equations, factors, &found, &directions, RowsOf::Instruments, None)?;
     // (Zᵀ W)⁻¹ S (Zᵀ W)⁻ᵀ, all rows in units of the noise.
     let projected = faer::Scale(found.unit.powi(-2)) * projected;
     let half = solve_general(&projected, &scores).ok_or(IdentificationError::WeakInstruments)?;
-    let full = solve_general(&projected, &half.transpose().to_owned()).ok_or(IdentificationError::WeakInstruments)?;
+    let full = solve_general(&projected, &half.transpose().to_owned())
+        .ok_or(IdentificationError::WeakInstruments)?;
     Ok(Estimate { covariance: directions.covariance(&full), ..found })
 }
 
@@ -96,9 +102,8 @@ fn simulated(
         Err(IdentificationError::Diverged { .. }) => output_error::simulate(equations, nominal)?,
         result => result?,
     };
-    let trajectories = equations.trajectories().iter().zip(&motions).map(|(trajectory, motion)| Trajectory {
-        instruments: trajectory.instruments.or(Some(motion.samples())),
-        ..*trajectory
+    let trajectories = equations.trajectories().iter().zip(&motions).map(|(trajectory, motion)| {
+        Trajectory { instruments: trajectory.instruments.or(Some(motion.samples())), ..*trajectory }
     });
     let (robot, set, base) = (equations.robot(), equations.parameter_set(), equations.base());
     let equations = &mut Equations::new(robot, set, base, trajectories.collect());

@@ -1,6 +1,8 @@
 //! Parts of the data predicted from the others: by the robot file, and by what is identified.
 
-use faer::linalg::triangular_solve::{solve_lower_triangular_in_place, solve_upper_triangular_in_place};
+use faer::linalg::triangular_solve::{
+    solve_lower_triangular_in_place, solve_upper_triangular_in_place,
+};
 use faer::{Mat, Par};
 
 use super::least_squares::{residual_norm, stack, weighted_gram};
@@ -32,8 +34,13 @@ impl<'a> LeftOut<'a> {
     /// - `parts`: factors of parts of the data, [`Observation::parts`](super::Observation::parts)
     /// - `level`: noise level of the rows of a factor, N·m (N); infinite leaves them out
     /// - `rank`: number of base parameters
-    pub fn new(parts: &'a [Vec<JointFactor>], level: impl Fn(&JointFactor) -> f64, rank: usize) -> Self {
-        let levels: Vec<Vec<f64>> = parts.iter().map(|part| part.iter().map(&level).collect()).collect();
+    pub fn new(
+        parts: &'a [Vec<JointFactor>],
+        level: impl Fn(&JointFactor) -> f64,
+        rank: usize,
+    ) -> Self {
+        let levels: Vec<Vec<f64>> =
+            parts.iter().map(|part| part.iter().map(&level).collect()).collect();
         let pairs = parts.iter().zip(&levels);
         let normal = pairs.map(|(part, levels)| PartEquations::of(part, levels, rank)).collect();
         Self { parts, levels, normal, rank }
@@ -49,34 +56,43 @@ impl<'a> LeftOut<'a> {
         }
         Ok((0..self.parts.len()).map(|index| {
             let others = || (0..self.parts.len()).filter(move |other| *other != index);
-            let factors: Vec<JointFactor> = others().flat_map(|other| self.parts[other].iter().cloned()).collect();
-            let noise: Vec<f64> = others().flat_map(|other| self.levels[other].iter().copied()).collect();
+            let factors: Vec<JointFactor> =
+                others().flat_map(|other| self.parts[other].iter().cloned()).collect();
+            let noise: Vec<f64> =
+                others().flat_map(|other| self.levels[other].iter().copied()).collect();
             let part = self.parts[index].iter().zip(self.levels[index].iter().copied()).collect();
             Split { others: stack(&factors, self.rank, &noise), part }
         }))
     }
 
-    /// Base parameters by data and prior of all parts but one, each part in turn; none where rounding makes the equations
-    /// indefinite.
+    /// Base parameters by data and prior of all parts but one, each part in turn; none where
+    /// rounding makes the equations indefinite.
     fn without(&self, prior: &ParameterPrior) -> Vec<Option<Vec<f64>>> {
         let by = |part: usize| Some(self.without_parts(prior, |other| other == part)?.values);
         (0..self.normal.len()).map(by).collect()
     }
 
-    /// Base parameters by data and prior of all parts but some; none where rounding makes the equations indefinite.
-    fn without_parts(&self, prior: &ParameterPrior, left_out: impl Fn(usize) -> bool) -> Option<NormalSolution> {
+    /// Base parameters by data and prior of all parts but some; none where rounding makes the
+    /// equations indefinite.
+    fn without_parts(
+        &self,
+        prior: &ParameterPrior,
+        left_out: impl Fn(usize) -> bool,
+    ) -> Option<NormalSolution> {
         let rows = prior.rows();
         let rank = prior.mean().len();
         let p = rows.as_ref().subcols(0, rank);
         let information = p.transpose() * p;
-        let mut data = PartEquations { information: Mat::zeros(rank, rank), projection: Mat::zeros(rank, 1) };
+        let mut data =
+            PartEquations { information: Mat::zeros(rank, rank), projection: Mat::zeros(rank, 1) };
         let others = self.normal.iter().enumerate().filter(|(part, _)| !left_out(*part));
         others.for_each(|(_, part)| data.add(part));
         let mut center = prior.mean().to_vec();
         let mut solution = None;
         for _ in 0..PULLS {
             let mean = Mat::from_fn(rank, 1, |k, _| center[k]);
-            let mut all = PartEquations { information: information.clone(), projection: &information * mean };
+            let mut all =
+                PartEquations { information: information.clone(), projection: &information * mean };
             all.add(&data);
             let found = all.solution(prior)?;
             center.clone_from(&found.values);
@@ -85,24 +101,34 @@ impl<'a> LeftOut<'a> {
         solution
     }
 
-    /// How wide intervals have to be for other motions. Runs of up to half of the parts are left out in turn, and what
-    /// uncertain parameters bring to their errors is compared with what is expected of them, run by run and joint by joint.
-    /// What a model lacks is not noise: it moves the parameters in the same way at every sample of a motion, which only
-    /// other motions show. That of the noise for fewer than two parts.
+    /// How wide intervals have to be for other motions. Runs of up to half of the parts are left
+    /// out in turn, and what uncertain parameters bring to their errors is compared with what is
+    /// expected of them, run by run and joint by joint. What a model lacks is not noise: it moves
+    /// the parameters in the same way at every sample of a motion, which only other motions show.
+    /// That of the noise for fewer than two parts.
     ///
     /// - `noise`: of the rows of a factor, N·m (N)
     ///
-    /// Source: R. T. Birge, The calculation of errors by the method of least squares, Physical Review 40 (1932), the ratio
-    /// of external to internal consistency; here its distribution, for errors that run off at some joints.
-    pub fn dispersion(&self, prior: &ParameterPrior, noise: impl Fn(&JointFactor) -> f64) -> Dispersion {
+    /// Source: R. T. Birge, The calculation of errors by the method of least squares, Physical
+    /// Review 40 (1932), the ratio of external to internal consistency; here its distribution, for
+    /// errors that run off at some joints.
+    pub fn dispersion(
+        &self,
+        prior: &ParameterPrior,
+        noise: impl Fn(&JointFactor) -> f64,
+    ) -> Dispersion {
         let (mut ratios, mut moving) = (Vec::new(), 0);
         for first in 0..self.parts.len() {
             let run = half_run(first, self.parts.len());
-            let Some(solution) = self.without_parts(prior, |part| run.contains(&part)) else { continue };
+            let Some(solution) = self.without_parts(prior, |part| run.contains(&part)) else {
+                continue;
+            };
             let mut joints: Vec<(usize, Missed)> = Vec::new();
             for &part in &run {
                 let used = self.parts[part].iter().zip(&self.levels[part]);
-                for (factor, _) in used.filter(|(factor, level)| !factor.resting && level.is_finite()) {
+                for (factor, _) in
+                    used.filter(|(factor, level)| !factor.resting && level.is_finite())
+                {
                     let missed = Missed {
                         square: residual_norm(factor, &solution.values).powi(2),
                         noise: factor.rows as f64 * noise(factor).powi(2),
@@ -115,7 +141,9 @@ impl<'a> LeftOut<'a> {
                 }
             }
             moving = moving.max(joints.len());
-            ratios.extend(joints.iter().map(|(_, missed)| missed.ratio()).filter(|ratio| ratio.is_finite()));
+            ratios.extend(
+                joints.iter().map(|(_, missed)| missed.ratio()).filter(|ratio| ratio.is_finite()),
+            );
         }
         Dispersion::of(ratios, moving)
     }
@@ -133,8 +161,8 @@ impl<'a> LeftOut<'a> {
         Judgement::of(&shares.collect::<Vec<_>>())
     }
 
-    /// Root mean square of what is left of a joint's rows in motion on parts, each predicted from the others, N·m (N); none
-    /// for fewer than two parts.
+    /// Root mean square of what is left of a joint's rows in motion on parts, each predicted from
+    /// the others, N·m (N); none for fewer than two parts.
     pub fn error(&self, prior: &ParameterPrior) -> impl Fn(usize) -> Option<f64> + use<> {
         let mut sums: Vec<(f64, usize)> = Vec::new();
         for (part, values) in self.parts.iter().zip(self.without(prior)) {
@@ -145,7 +173,11 @@ impl<'a> LeftOut<'a> {
                 sums[factor.joint].1 += factor.rows;
             }
         }
-        move |joint| sums.get(joint).filter(|(_, rows)| *rows > 0).map(|(square, rows)| (square / *rows as f64).sqrt())
+        move |joint| {
+            sums.get(joint)
+                .filter(|(_, rows)| *rows > 0)
+                .map(|(square, rows)| (square / *rows as f64).sqrt())
+        }
     }
 
     /// Squares of what is left of each part in motion, in units of its noise.
@@ -159,13 +191,17 @@ impl<'a> LeftOut<'a> {
         estimates.map(|(part, values)| Some(of_part(part, &values?))).collect()
     }
 
-    /// Whether identified parameters predict what they have not seen better than the robot file: per joint what they gain, in
-    /// squares of the residual in motion, of a joint that never moves at rest.
+    /// Whether identified parameters predict what they have not seen better than the robot file:
+    /// per joint what they gain, in squares of the residual in motion, of a joint that never moves
+    /// at rest.
     pub fn judge_against_file(&self, prior: &ParameterPrior, joints: usize) -> Vec<Judgement> {
         let mut errors = vec![Vec::with_capacity(self.parts.len()); joints];
-        let moves = |joint| self.parts.iter().flatten().any(|factor| factor.joint == joint && !factor.resting);
+        let moves = |joint| {
+            self.parts.iter().flatten().any(|factor| factor.joint == joint && !factor.resting)
+        };
         let moves: Vec<bool> = (0..joints).map(moves).collect();
-        for ((part, levels), values) in self.parts.iter().zip(&self.levels).zip(self.without(prior)) {
+        for ((part, levels), values) in self.parts.iter().zip(&self.levels).zip(self.without(prior))
+        {
             let Some(values) = values else { continue };
             let counts = |(factor, level): &(&JointFactor, &f64)| match moves[factor.joint] {
                 true => !factor.resting && level.is_finite(),
@@ -189,31 +225,36 @@ pub(crate) fn half_run(first: usize, count: usize) -> Vec<usize> {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Dispersion {
-    /// By what standard deviations have to be multiplied, at least one: those of two thirds of the joints then suffice in
-    /// another motion.
+    /// By what standard deviations have to be multiplied, at least one: those of two thirds of the
+    /// joints then suffice in another motion.
     pub deviation: f64,
-    /// Half the interval of 95 %, in these standard deviations: such that it suffices at 95 % of the joints there.
+    /// Half the interval of 95 %, in these standard deviations: such that it suffices at 95 % of
+    /// the joints there.
     pub half_interval_95: f64,
     /// The deviation for two thirds of the joints as they were seen.
     pub(crate) as_seen: f64,
 }
 
-/// Variance between a motion and two others, in what these two differ by: half of it is that of the mean of the two.
+/// Variance between a motion and two others, in what these two differ by: half of it is that of the
+/// mean of the two.
 const TWO_OTHERS: f64 = 1.5;
 
 impl Dispersion {
     /// Of errors that are as large as noise makes them.
-    pub const NONE: Self = Self { deviation: 1.0, half_interval_95: HALF_INTERVAL_95, as_seen: 1.0 };
+    pub const NONE: Self =
+        Self { deviation: 1.0, half_interval_95: HALF_INTERVAL_95, as_seen: 1.0 };
 
-    /// The excess over noise grows from halves of the logs to other motions: two halves are independent, and another motion
-    /// differs from them as they do from each other. Runs of one set of logs miss the same joints, so that there are as many
-    /// observations as joints: of n of them a share s suffices for a new one if s (n + 1) / n of them do.
+    /// The excess over noise grows from halves of the logs to other motions: two halves are
+    /// independent, and another motion differs from them as they do from each other. Runs of one
+    /// set of logs miss the same joints, so that there are as many observations as joints: of n of
+    /// them a share s suffices for a new one if s (n + 1) / n of them do.
     ///
     /// - `ratios`: of squared errors to what was expected of them, each of a joint in a run
     /// - `joints`: how many there are
     ///
-    /// Source: J. Lei, M. G'Sell, A. Rinaldo, R. J. Tibshirani, L. Wasserman, Distribution-free predictive inference for
-    /// regression, Journal of the American Statistical Association 113 (2018), section 2, for the quantile of few.
+    /// Source: J. Lei, M. G'Sell, A. Rinaldo, R. J. Tibshirani, L. Wasserman, Distribution-free
+    /// predictive inference for regression, Journal of the American Statistical Association 113
+    /// (2018), section 2, for the quantile of few.
     fn of(mut ratios: Vec<f64>, joints: usize) -> Self {
         if ratios.is_empty() {
             return Self::NONE;
@@ -268,8 +309,11 @@ impl NormalSolution {
         let count = factor.columns.len();
         // (Rᵀ)⁻¹ of the rows as columns: its square is the variance.
         let mut columns = Mat::zeros(self.scale.len(), count);
-        for (place, &base) in factor.columns.iter().enumerate().filter(|(_, base)| !prior.kept().contains(base)) {
-            (0..count).for_each(|i| columns[(base, i)] = self.scale[base] * factor.factor[(i, place)]);
+        for (place, &base) in
+            factor.columns.iter().enumerate().filter(|(_, base)| !prior.kept().contains(base))
+        {
+            (0..count)
+                .for_each(|i| columns[(base, i)] = self.scale[base] * factor.factor[(i, place)]);
         }
         solve_lower_triangular_in_place(self.root.transpose(), columns.as_mut(), Par::Seq);
         columns.squared_norm_l2()
@@ -288,7 +332,9 @@ impl PartEquations {
         let weights: Vec<f64> = levels.iter().map(|level| level.powi(-2)).collect();
         let used: Vec<bool> = weights.iter().map(|weight| *weight > 0.0).collect();
         let mut projection = Mat::zeros(rank, 1);
-        for ((factor, weight), _) in factors.iter().zip(&weights).zip(&used).filter(|(_, used)| **used) {
+        for ((factor, weight), _) in
+            factors.iter().zip(&weights).zip(&used).filter(|(_, used)| **used)
+        {
             let count = factor.columns.len();
             for (k, &column) in factor.columns.iter().enumerate() {
                 let products = (0..=k).map(|i| factor.factor[(i, k)] * factor.factor[(i, count)]);
@@ -316,7 +362,8 @@ impl PartEquations {
         let mut values = Mat::from_fn(rank, 1, |i, _| match kept(i) {
             Some(value) => value / scale[i],
             None => {
-                let known = (0..rank).filter_map(|j| kept(j).map(|value| self.information[(i, j)] * value));
+                let known =
+                    (0..rank).filter_map(|j| kept(j).map(|value| self.information[(i, j)] * value));
                 (self.projection[(i, 0)] - known.sum::<f64>()) * scale[i]
             }
         });
@@ -337,13 +384,20 @@ mod tests {
         // As noise makes them, or by chance less: nothing is added.
         assert_eq!(Dispersion::of(share(20, 0.7), 20), Dispersion::NONE);
         assert_eq!(Dispersion::of(vec![], 0), Dispersion::NONE);
-        // All alike: three times the variance on halves, four times on another motion; tails of normal errors.
+        // All alike: three times the variance on halves, four times on another motion; tails of
+        // normal errors.
         let alike = Dispersion::of(share(20, 3.0), 20);
-        assert!((alike.deviation - 2.0).abs() < 1e-12 && (alike.half_interval_95 - 1.96).abs() < 1e-12);
+        assert!(
+            (alike.deviation - 2.0).abs() < 1e-12 && (alike.half_interval_95 - 1.96).abs() < 1e-12
+        );
         // One joint in ten runs off: it is in the interval of 95 %, not in the standard deviation.
         let one = Dispersion::of([share(18, 1.0), share(2, 17.0)].concat(), 20);
-        assert!(one.deviation == 1.0 && (one.half_interval_95 - 5.0 * 1.96).abs() < 1e-12, "{one:?}");
-        // Of four joints one runs off in every run: three of four are no two thirds of a new motion's joints, but of these.
+        assert!(
+            one.deviation == 1.0 && (one.half_interval_95 - 5.0 * 1.96).abs() < 1e-12,
+            "{one:?}"
+        );
+        // Of four joints one runs off in every run: three of four are no two thirds of a new
+        // motion's joints, but of these.
         let few = Dispersion::of([share(15, 1.0), share(5, 17.0)].concat(), 4);
         assert!((few.deviation - 5.0).abs() < 1e-12 && few.as_seen == 1.0, "{few:?}");
     }

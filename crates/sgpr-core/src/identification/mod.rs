@@ -1,8 +1,9 @@
 //! From motion and torque to parameters: which can be known, and what they are.
 //!
-//! [`ParameterSet`] names every parameter of a robot and its effects, [`BaseParameters`] are the combinations that
-//! motion can reveal, [`Observation`] turns samples into one triangular factor per joint, and least squares
-//! ([`LeastSquares`]) works on these factors only, so its cost does not depend on the length of the log.
+//! [`ParameterSet`] names every parameter of a robot and its effects, [`BaseParameters`] are the
+//! combinations that motion can reveal, [`Observation`] turns samples into one triangular factor
+//! per joint, and least squares ([`LeastSquares`]) works on these factors only, so its cost does
+//! not depend on the length of the log.
 
 mod autocorrelation;
 mod base_parameters;
@@ -45,8 +46,9 @@ pub use block_bootstrap::{Bootstrap, block_bootstrap};
 pub use closed_loop::{ClosedLoop, SimulatedMotion};
 pub(crate) use consistency::nearest_load;
 pub use consistency::{
-    Consistency, ConsistentParameters, Costs, DEVIATIONS, Distance, KeptOut, KnownPayload, LinkBounds, LinkCertificate,
-    ParameterBounds, PhysicalBounds, Price, Prior, Region, Stage, weakest_good_deviation,
+    Consistency, ConsistentParameters, Costs, DEVIATIONS, Distance, KeptOut, KnownPayload,
+    LinkBounds, LinkCertificate, ParameterBounds, PhysicalBounds, Price, Prior, Region, Stage,
+    weakest_good_deviation,
 };
 pub use drive_gains::{DriveGains, GainEstimator, GainOptions, identify_drive_gains};
 pub use error::IdentificationError;
@@ -61,7 +63,9 @@ pub use instrumental_variables::INSTRUMENTAL_VARIABLES;
 pub use judgement::Judgement;
 pub(crate) use judgement::deviate_of_t;
 pub use least_squares::{Estimate, LeastSquares, ParameterExcitation, SingularDirection};
-pub(crate) use least_squares::{residual_norm, stack, torque_sizes, triangular_solution, unit_covariance};
+pub(crate) use least_squares::{
+    residual_norm, stack, torque_sizes, triangular_solution, unit_covariance,
+};
 pub(crate) use left_out::half_run;
 pub use left_out::{Dispersion, LeftOut};
 pub use observation::{Equation, Equations, JointFactor, Observation, Row, Trajectory};
@@ -76,7 +80,9 @@ pub use recursive::{RECURSIVE, RecursiveLeastSquares};
 pub use ridge::RIDGE;
 pub use robust::IRLS;
 pub(crate) use screening::{Apart, Left, ShiftedTorques, beyond_own_rows, logs_apart};
-pub use screening::{Finding, screen_delays, screen_factors, screen_logs, screen_rows, screen_scale};
+pub use screening::{
+    Finding, screen_delays, screen_factors, screen_logs, screen_rows, screen_scale,
+};
 pub use sgpr_predict::model::{EffectColumn, ParameterSet, TrajectoryColumn};
 pub use total_least_squares::TOTAL_LEAST_SQUARES;
 
@@ -88,5 +94,9 @@ pub static ESTIMATORS: [&Estimator; 6] =
 const PRIOR_DEVIATIONS: std::ops::RangeInclusive<f64> = 1e-9..=1e9;
 
 fn check_prior_deviation(value: f64) -> Result<(), IdentificationError> {
-    if PRIOR_DEVIATIONS.contains(&value) { Ok(()) } else { Err(IdentificationError::Prior { value }) }
+    if PRIOR_DEVIATIONS.contains(&value) {
+        Ok(())
+    } else {
+        Err(IdentificationError::Prior { value })
+    }
 }

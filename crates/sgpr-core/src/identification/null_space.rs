@@ -1,17 +1,21 @@
 //! The parameters that a robot's energy depends on, joint by joint, from its geometry alone.
 //!
-//! A set of parameters makes no torque if and only if it changes neither the kinetic energy of any motion nor, by more
-//! than a constant, the potential energy. Both are linear in the ten parameters of a link, so they are vectors here: a
-//! velocity v gives the vector k with k . parameters = kinetic energy, gravity gives one for the potential.
+//! A set of parameters makes no torque if and only if it changes neither the kinetic energy of any
+//! motion nor, by more than a constant, the potential energy. Both are linear in the ten parameters
+//! of a link, so they are vectors here: a velocity v gives the vector k with k . parameters =
+//! kinetic energy, gravity gives one for the potential.
 //!
-//! At a joint three things must vanish for a link that carries all that is behind it: what multiplies the square of the
-//! joint's speed, what multiplies the speed, and how the rest changes with the joint's position. A link of which all
-//! three vanish might as well be welded to the one before it, so its parameters move there, and the recursion goes on.
-//! The vectors that motion can reach form subspaces, closed under turning the joint: the smallest such subspaces are
-//! built by applying the generator of the joint's motion until nothing new comes. No data, no random numbers.
+//! At a joint three things must vanish for a link that carries all that is behind it: what
+//! multiplies the square of the joint's speed, what multiplies the speed, and how the rest changes
+//! with the joint's position. A link of which all three vanish might as well be welded to the one
+//! before it, so its parameters move there, and the recursion goes on. The vectors that motion can
+//! reach form subspaces, closed under turning the joint: the smallest such subspaces are built by
+//! applying the generator of the joint's motion until nothing new comes. No data, no random
+//! numbers.
 //!
-//! Source: P. M. Wensing, G. Niemeyer, J.-J. E. Slotine, A geometric characterization of observability in inertial
-//! parameter identification, IJRR 43(14) (2024): the recursive parameter nullspace algorithm.
+//! Source: P. M. Wensing, G. Niemeyer, J.-J. E. Slotine, A geometric characterization of
+//! observability in inertial parameter identification, IJRR 43(14) (2024): the recursive parameter
+//! nullspace algorithm.
 
 use super::{EffectColumn, ParameterSet};
 use crate::effects::Role;
@@ -24,13 +28,14 @@ type Energy = [f64; PARAMETERS_PER_LINK];
 /// A velocity: linear, then angular.
 type Twist = [f64; 6];
 
-/// Of a vector of unit length less than this is rounding: robot files write right angles with seven digits and more.
+/// Of a vector of unit length less than this is rounding: robot files write right angles with seven
+/// digits and more.
 const TOLERANCE: f64 = 1e-6;
 
 /// Rows whose span is that of all rows of the observation matrix, `[rank, set.len()]`.
 ///
-/// A rotor adds to the square of its joint's speed, a constant offset to what gravity does at its joint; other effects are
-/// functions of their own joint's motion and get a row each.
+/// A rotor adds to the square of its joint's speed, a constant offset to what gravity does at its
+/// joint; other effects are functions of their own joint's motion and get a row each.
 pub(super) fn identifiable_rows(robot: &Robot, set: &ParameterSet) -> Vec<Vec<f64>> {
     let base = LinkReach { potential: potential(robot.gravity()), ..LinkReach::default() };
     let mut reached: Vec<LinkReach> = Vec::new();
@@ -43,15 +48,22 @@ pub(super) fn identifiable_rows(robot: &Robot, set: &ParameterSet) -> Vec<Vec<f6
 
         let velocities = before.velocities.iter().map(|twist| step.carried(twist));
         let mut velocities = Span::closed(velocities, |twist| step.turned_velocity(twist));
-        let energies = Span::closed(before.energies.iter().map(|energy| step.seen_from_link(energy)), turn);
+        let energies =
+            Span::closed(before.energies.iter().map(|energy| step.seen_from_link(energy)), turn);
         let potential = step.seen_from_link(&before.potential);
         let gravity = turn(&potential);
-        let shifts = before.shifts.iter().map(|energy| step.seen_from_link(energy)).chain([gravity]);
+        let shifts =
+            before.shifts.iter().map(|energy| step.seen_from_link(energy)).chain([gravity]);
         let shifts = Span::closed(shifts, turn);
 
-        // How the energies change with the position, and what multiplies the speed. Of the potential's change the part
-        // that depends on the position: a constant part looks like an offset.
-        let changing = before.shifts.iter().map(|energy| turn(&step.seen_from_link(energy))).chain([turn(&gravity)]);
+        // How the energies change with the position, and what multiplies the speed. Of the
+        // potential's change the part that depends on the position: a constant part looks like an
+        // offset.
+        let changing = before
+            .shifts
+            .iter()
+            .map(|energy| turn(&step.seen_from_link(energy)))
+            .chain([turn(&gravity)]);
         let changes = energies.iter().map(turn).chain(changing);
         let mut visible = Span::closed(changes, turn);
         let crossed: Vec<Energy> = velocities.iter().map(|twist| kinetic(&own, twist)).collect();
@@ -119,7 +131,8 @@ impl Carried<'_> {
         for (index, joint) in self.robot.joints().iter().enumerate().skip(self.link) {
             if index > self.link {
                 let parent = joint.parent.and_then(|parent| of_link[parent]);
-                of_link[index] = parent.map(|energy| FrameChange::new(joint).seen_from_link(&energy));
+                of_link[index] =
+                    parent.map(|energy| FrameChange::new(joint).seen_from_link(&energy));
             }
             if let Some(energy) = of_link[index] {
                 row[index * PARAMETERS_PER_LINK..][..PARAMETERS_PER_LINK].copy_from_slice(&energy);
@@ -130,8 +143,9 @@ impl Carried<'_> {
 
     /// Index of the parameter of a part at the link's joint, if the set has it.
     fn parameter(&self, role: Role) -> Option<usize> {
-        let is_it =
-            |column: &EffectColumn| column.joint == self.link && self.set.effects()[column.effect].role() == Some(role);
+        let is_it = |column: &EffectColumn| {
+            column.joint == self.link && self.set.effects()[column.effect].role() == Some(role)
+        };
         self.set.effect_columns().iter().position(is_it).map(|offset| self.set.inertial() + offset)
     }
 }
@@ -149,7 +163,11 @@ impl<'a> FrameChange<'a> {
     /// Velocity that unit speed of the joint gives.
     fn along_joint(&self) -> Twist {
         let [x, y, z] = self.joint.axis.to_array();
-        if self.joint.kind.is_rotation() { [0.0, 0.0, 0.0, x, y, z] } else { [x, y, z, 0.0, 0.0, 0.0] }
+        if self.joint.kind.is_rotation() {
+            [0.0, 0.0, 0.0, x, y, z]
+        } else {
+            [x, y, z, 0.0, 0.0, 0.0]
+        }
     }
 
     /// A velocity of the link before, in the frame of the link behind, the joint at zero.
@@ -160,7 +178,8 @@ impl<'a> FrameChange<'a> {
         join(back * (linear + angular.cross(translation)), back * angular)
     }
 
-    /// Derivative of a velocity in the link's frame by the joint's position, beside what the joint's own speed adds.
+    /// Derivative of a velocity in the link's frame by the joint's position, beside what the
+    /// joint's own speed adds.
     fn turned_velocity(&self, twist: &Twist) -> Twist {
         let (linear, angular) = split(twist);
         let axis = self.joint.axis;
@@ -171,9 +190,12 @@ impl<'a> FrameChange<'a> {
         }
     }
 
-    /// A vector over the parameters of the link before, as one over those of the link behind, the joint at zero.
+    /// A vector over the parameters of the link before, as one over those of the link behind, the
+    /// joint at zero.
     fn seen_from_link(&self, energy: &Energy) -> Energy {
-        by_parameter(|body| dot(energy, &body.expressed_in(&self.joint.placement).standard_parameters()))
+        by_parameter(|body| {
+            dot(energy, &body.expressed_in(&self.joint.placement).standard_parameters())
+        })
     }
 
     /// Derivative of a vector over the link's parameters by the joint's position.
@@ -246,7 +268,10 @@ impl<const N: usize> Default for Span<N> {
 
 impl<const N: usize> Span<N> {
     /// The smallest subspace with these vectors that `generator` does not lead out of.
-    fn closed(vectors: impl Iterator<Item = [f64; N]>, generator: impl Fn(&[f64; N]) -> [f64; N]) -> Self {
+    fn closed(
+        vectors: impl Iterator<Item = [f64; N]>,
+        generator: impl Fn(&[f64; N]) -> [f64; N],
+    ) -> Self {
         let mut span = Self::default();
         vectors.for_each(|vector| span.add(vector));
         let mut next = 0;
@@ -292,18 +317,25 @@ mod tests {
     #[test]
     fn generators_are_derivatives() {
         let robot = crate::robot::puma560();
-        let body = LinkInertia::from_standard_parameters(&[2.0, 0.3, -0.2, 0.5, 0.6, 0.01, 0.7, -0.02, 0.03, 0.4]);
+        let body = LinkInertia::from_standard_parameters(&[
+            2.0, 0.3, -0.2, 0.5, 0.6, 0.01, 0.7, -0.02, 0.03, 0.4,
+        ]);
         let energy: Energy = std::array::from_fn(|k| 0.3 + 0.1 * k as f64);
         for (kind, pose) in [
             (
                 crate::robot::JointKind::Revolute,
                 Pose::from_rotation(Matrix3::rotation(Vector3::new(0.0, 0.0, 1.0), 1e-6)),
             ),
-            (crate::robot::JointKind::Prismatic, Pose::from_translation(Vector3::new(0.0, 0.0, 1e-6))),
+            (
+                crate::robot::JointKind::Prismatic,
+                Pose::from_translation(Vector3::new(0.0, 0.0, 1e-6)),
+            ),
         ] {
-            let joint = robot.joints()[0].clone().with_kind(kind).with_axis(Vector3::new(0.0, 0.0, 1.0));
+            let joint =
+                robot.joints()[0].clone().with_kind(kind).with_axis(Vector3::new(0.0, 0.0, 1.0));
             let step = FrameChange::new(&joint);
-            let (before, after) = (body.standard_parameters(), body.expressed_in(&pose).standard_parameters());
+            let (before, after) =
+                (body.standard_parameters(), body.expressed_in(&pose).standard_parameters());
             let difference = (dot(&energy, &after) - dot(&energy, &before)) / 1e-6;
             let derivative = dot(&step.turned_energy(&energy), &before);
             assert!((difference - derivative).abs() < 1e-5, "{kind:?}: {difference} {derivative}");

@@ -1,4 +1,5 @@
-//! From samples to one triangular factor per joint: the observation matrix W and the torque, without ever holding them.
+//! From samples to one triangular factor per joint: the observation matrix W and the torque,
+//! without ever holding them.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -19,9 +20,9 @@ use crate::spatial::PARAMETERS_PER_LINK;
 
 /// The equations W base = tau of a robot, collected joint by joint.
 ///
-/// The rows of a joint contain few of the columns (the thesis's W is block triangular), and all its rows in motion have
-/// one noise level and all at rest another, so each joint keeps two factors of its own. Memory is bounded whatever the
-/// length of the log.
+/// The rows of a joint contain few of the columns (the thesis's W is block triangular), and all its
+/// rows in motion have one noise level and all at rest another, so each joint keeps two factors of
+/// its own. Memory is bounded whatever the length of the log.
 #[derive(Debug)]
 pub struct Observation<'a> {
     source: RowSource<'a>,
@@ -52,10 +53,13 @@ impl KeptRows {
     /// Most numbers that are kept: 32 MB.
     const MOST: usize = 1 << 22;
 
-    /// Visits every equation that is good for something, joint by joint, trajectory by trajectory, sample by sample.
+    /// Visits every equation that is good for something, joint by joint, trajectory by trajectory,
+    /// sample by sample.
     pub fn for_each(&self, mut visit: impl FnMut(Equation<'_>)) {
         for (joint, KeptJointRows { columns, rows, of }) in self.joints.iter().enumerate() {
-            for (row, &(trajectory, sample, resting)) in rows.chunks_exact(columns.len() + 1).zip(of) {
+            for (row, &(trajectory, sample, resting)) in
+                rows.chunks_exact(columns.len() + 1).zip(of)
+            {
                 visit(Equation { trajectory, sample, joint, resting, columns, row });
             }
         }
@@ -66,7 +70,8 @@ impl KeptRows {
     }
 }
 
-/// Which of `pieces` of as many samples each a sample lies in: piece k begins at sample `k * count / pieces`.
+/// Which of `pieces` of as many samples each a sample lies in: piece k begins at sample
+/// `k * count / pieces`.
 pub(crate) fn piece_of(sample: usize, count: usize, pieces: usize) -> usize {
     ((sample + 1) * pieces - 1) / count
 }
@@ -78,7 +83,8 @@ pub enum Row {
     Skip,
     /// The joint moves.
     Moving,
-    /// The joint stands: dry friction holds it with an unknown torque, which makes the equation a rough one.
+    /// The joint stands: dry friction holds it with an unknown torque, which makes the equation a
+    /// rough one.
     Resting,
 }
 
@@ -96,7 +102,8 @@ pub struct JointFactor {
     pub factor: Mat<f64>,
     /// Number of rows.
     pub rows: usize,
-    /// Noise that its rows have at least, N·m (N), whatever a fit leaves of them; 0 if nothing is known.
+    /// Noise that its rows have at least, N·m (N), whatever a fit leaves of them; 0 if nothing is
+    /// known.
     pub least_noise: f64,
 }
 
@@ -116,7 +123,9 @@ fn reduced(group: &[&JointFactor]) -> JointFactor {
     let mut factor = group[0].factor.clone();
     for part in group[1..].chunks(AT_ONCE) {
         let mut all = Mat::zeros((part.len() + 1) * width, width);
-        for (k, one) in std::iter::once(&factor).chain(part.iter().map(|one| &one.factor)).enumerate() {
+        for (k, one) in
+            std::iter::once(&factor).chain(part.iter().map(|one| &one.factor)).enumerate()
+        {
             all.as_mut().subrows_mut(k * width, width).copy_from(one);
         }
         factor = triangle(all.as_ref());
@@ -139,12 +148,17 @@ struct RowLayout {
 impl RowLayout {
     fn new(joint: usize, robot: &Robot, set: &ParameterSet, base: &BaseParameters) -> Self {
         let effects = set.effect_parameters_of(joint);
-        let mut layout =
-            Self { columns: vec![], of_link: vec![vec![]; robot.dof()], of_effects: vec![], of_trajectory: vec![] };
+        let mut layout = Self {
+            columns: vec![],
+            of_link: vec![vec![]; robot.dof()],
+            of_effects: vec![],
+            of_trajectory: vec![],
+        };
         for (column, &parameter) in base.independent().iter().enumerate() {
             let position = layout.columns.len();
             if parameter < set.inertial() {
-                let (link, of_link) = (parameter / PARAMETERS_PER_LINK, parameter % PARAMETERS_PER_LINK);
+                let (link, of_link) =
+                    (parameter / PARAMETERS_PER_LINK, parameter % PARAMETERS_PER_LINK);
                 if !robot.carries(joint, link) {
                     continue;
                 }
@@ -168,7 +182,8 @@ impl RowLayout {
     }
 }
 
-/// Samples of one piece of a trajectory, a whole number of blocks, few enough for the caches; longer trajectories are cut.
+/// Samples of one piece of a trajectory, a whole number of blocks, few enough for the caches;
+/// longer trajectories are cut.
 const PIECE: usize = 4 * TriangularFactor::BLOCK;
 
 /// Pieces are that many times as long as what they overlap by.
@@ -180,11 +195,17 @@ impl<'a> Observation<'a> {
         Self::in_parts(robot, set, base, 1)
     }
 
-    /// No equations yet; they will be kept apart by the part that they are added to ([`Self::add_to`]), [`Self::parts`].
+    /// No equations yet; they will be kept apart by the part that they are added to
+    /// ([`Self::add_to`]), [`Self::parts`].
     ///
     /// # Panics
     /// If there is no part.
-    pub fn in_parts(robot: &'a Robot, set: &'a ParameterSet, base: &BaseParameters, parts: usize) -> Self {
+    pub fn in_parts(
+        robot: &'a Robot,
+        set: &'a ParameterSet,
+        base: &BaseParameters,
+        parts: usize,
+    ) -> Self {
         assert!(parts > 0, "one part at least");
         let source = RowSource::new(robot, set, base);
         let factors = |_| {
@@ -197,7 +218,11 @@ impl<'a> Observation<'a> {
     /// The same, which keeps the rows that are added if they are few enough ([`Self::kept`]).
     pub(crate) fn keeping_rows(mut self) -> Self {
         let layouts = self.source.layouts.iter();
-        let joint = |layout: &RowLayout| KeptJointRows { columns: layout.columns.clone(), rows: vec![], of: vec![] };
+        let joint = |layout: &RowLayout| KeptJointRows {
+            columns: layout.columns.clone(),
+            rows: vec![],
+            of: vec![],
+        };
         self.kept = Some(KeptRows { joints: layouts.map(joint).collect() });
         self
     }
@@ -226,11 +251,12 @@ impl<'a> Observation<'a> {
         self.add(&Trajectory { use_as, ..Trajectory::new(samples, tau) })
     }
 
-    /// Adds the equations of one uniformly sampled trajectory, both sides passed through `filter`, every
-    /// `decimation`-th row taken.
+    /// Adds the equations of one uniformly sampled trajectory, both sides passed through `filter`,
+    /// every `decimation`-th row taken.
     ///
-    /// Filtering both sides alike keeps the equation true and takes the torque noise beyond the band of the motion out.
-    /// Source: M. Gautier, Dynamic identification of robots with power model, IEEE ICRA (1997), parallel filtering.
+    /// Filtering both sides alike keeps the equation true and takes the torque noise beyond the
+    /// band of the motion out. Source: M. Gautier, Dynamic identification of robots with power
+    /// model, IEEE ICRA (1997), parallel filtering.
     ///
     /// # Errors
     /// If a value is not finite or the trajectory shorter than the filter.
@@ -245,10 +271,16 @@ impl<'a> Observation<'a> {
         filter: &LowPass,
         decimation: usize,
     ) -> Result<(), IdentificationError> {
-        self.add(&Trajectory { use_as, filter: Some(filter), decimation, ..Trajectory::new(samples, tau) })
+        self.add(&Trajectory {
+            use_as,
+            filter: Some(filter),
+            decimation,
+            ..Trajectory::new(samples, tau)
+        })
     }
 
-    /// The factors of all joints in motion, then those of the joints at rest; without those that have no row.
+    /// The factors of all joints in motion, then those of the joints at rest; without those that
+    /// have no row.
     pub fn factors(&self) -> Vec<JointFactor> {
         stacked(self.parts().iter().flatten())
     }
@@ -261,17 +293,26 @@ impl<'a> Observation<'a> {
     fn factors_of(&self, factors: &[[TriangularFactor; 2]]) -> Vec<JointFactor> {
         let of_kind = |resting: bool| {
             let joints = self.source.layouts.iter().zip(factors).enumerate();
-            joints.map(move |(joint, (layout, factors))| (joint, layout, &factors[usize::from(resting)], resting))
+            joints.map(move |(joint, (layout, factors))| {
+                (joint, layout, &factors[usize::from(resting)], resting)
+            })
         };
-        let factor = |(joint, layout, factor, resting): (usize, &RowLayout, &TriangularFactor, bool)| JointFactor {
-            joint,
-            resting,
-            columns: layout.columns.clone(),
-            factor: factor.factor(),
-            rows: factor.rows(),
-            least_noise: 0.0,
-        };
-        of_kind(false).chain(of_kind(true)).filter(|(_, _, factor, _)| factor.rows() > 0).map(factor).collect()
+        let factor =
+            |(joint, layout, factor, resting): (usize, &RowLayout, &TriangularFactor, bool)| {
+                JointFactor {
+                    joint,
+                    resting,
+                    columns: layout.columns.clone(),
+                    factor: factor.factor(),
+                    rows: factor.rows(),
+                    least_noise: 0.0,
+                }
+            };
+        of_kind(false)
+            .chain(of_kind(true))
+            .filter(|(_, _, factor, _)| factor.rows() > 0)
+            .map(factor)
+            .collect()
     }
 
     /// Adds the equations of a trajectory, to the first part.
@@ -307,7 +348,8 @@ impl<'a> Observation<'a> {
             (if row == Row::Skip { 0 } else { part(sample) }, row)
         };
         self.source.for_each_piece(trajectory, |piece| {
-            let mut joints: Vec<Vec<&mut [TriangularFactor; 2]>> = (0..n).map(|_| Vec::with_capacity(count)).collect();
+            let mut joints: Vec<Vec<&mut [TriangularFactor; 2]>> =
+                (0..n).map(|_| Vec::with_capacity(count)).collect();
             for part in parts.iter_mut() {
                 joints.iter_mut().zip(part).for_each(|(own, factors)| own.push(factors));
             }
@@ -321,7 +363,9 @@ impl<'a> Observation<'a> {
             joints.par_iter_mut().zip(&mut keep).enumerate().for_each(|(joint, (parts, keep))| {
                 let (rows, width) = piece.rows(joint);
                 if let Some(keep) = keep {
-                    for (sample, row) in piece.samples.clone().zip(rows.chunks_exact(width)).step_by(decimation) {
+                    for (sample, row) in
+                        piece.samples.clone().zip(rows.chunks_exact(width)).step_by(decimation)
+                    {
                         let row_kind = kind(sample, joint).1;
                         if row_kind != Row::Skip {
                             keep.rows.extend_from_slice(row);
@@ -346,7 +390,10 @@ impl<'a> Observation<'a> {
                     let own = kind(first, joint);
                     let end = (first + 1..samples.end).find(|sample| kind(*sample, joint) != own);
                     let end = end.unwrap_or(samples.end);
-                    push(own, &rows[(first - samples.start) * width..(end - samples.start) * width]);
+                    push(
+                        own,
+                        &rows[(first - samples.start) * width..(end - samples.start) * width],
+                    );
                     first = end;
                 }
             });
@@ -372,13 +419,14 @@ pub struct Trajectory<'a> {
     /// The same motion without its measurement noise, from a simulation or the reference: for
     /// [`INSTRUMENTAL_VARIABLES`](super::INSTRUMENTAL_VARIABLES).
     pub instruments: Option<Samples<'a>>,
-    /// Controller and reference of the motion, for [`OUTPUT_ERROR`](super::OUTPUT_ERROR), and to simulate
-    /// instruments with where none are given.
+    /// Controller and reference of the motion, for [`OUTPUT_ERROR`](super::OUTPUT_ERROR), and to
+    /// simulate instruments with where none are given.
     pub closed_loop: Option<&'a ClosedLoop<'a>>,
-    /// Values of [`ParameterSet::trajectory_columns`], `[samples]` each, `[samples, n]` where a column is part of the torque
-    /// of all joints.
+    /// Values of [`ParameterSet::trajectory_columns`], `[samples]` each, `[samples, n]` where a
+    /// column is part of the torque of all joints.
     pub columns: &'a [Vec<f64>],
-    /// `[n]`, how much of the torque of each joint the log shows; all of it if empty. Values of `columns` are as logged.
+    /// `[n]`, how much of the torque of each joint the log shows; all of it if empty. Values of
+    /// `columns` are as logged.
     pub gains: &'a [f64],
 }
 
@@ -436,8 +484,8 @@ impl Equation<'_> {
     }
 }
 
-/// The equations of several trajectories, made anew each time they are gone through: memory stays bounded, and methods
-/// that look at single rows can go through them as often as they need.
+/// The equations of several trajectories, made anew each time they are gone through: memory stays
+/// bounded, and methods that look at single rows can go through them as often as they need.
 #[derive(Debug)]
 pub struct Equations<'a> {
     source: RowSource<'a>,
@@ -476,11 +524,15 @@ impl<'a> Equations<'a> {
         &self.trajectories
     }
 
-    /// Visits every equation that is good for something, trajectory by trajectory, sample by sample, joint by joint.
+    /// Visits every equation that is good for something, trajectory by trajectory, sample by
+    /// sample, joint by joint.
     ///
     /// # Errors
     /// If a value is not finite or a trajectory shorter than its filter.
-    pub fn for_each(&mut self, mut visit: impl FnMut(Equation<'_>)) -> Result<(), IdentificationError> {
+    pub fn for_each(
+        &mut self,
+        mut visit: impl FnMut(Equation<'_>),
+    ) -> Result<(), IdentificationError> {
         for index in 0..self.trajectories.len() {
             let trajectory = self.trajectories[index];
             self.visit(index, &trajectory, &mut visit)?;
@@ -488,15 +540,17 @@ impl<'a> Equations<'a> {
         Ok(())
     }
 
-    /// As [`Self::for_each`], with the row that the instruments give in the place of the measured one beside it; the
-    /// torque of the instruments' row has no meaning.
+    /// As [`Self::for_each`], with the row that the instruments give in the place of the measured
+    /// one beside it; the torque of the instruments' row has no meaning.
     pub(super) fn for_each_with_instruments(
         &mut self,
         mut visit: impl FnMut(Equation<'_>, &[f64]),
     ) -> Result<(), IdentificationError> {
         for index in 0..self.trajectories.len() {
             let trajectory = self.trajectories[index];
-            let samples = trajectory.instruments.ok_or(IdentificationError::NoInstruments { trajectory: index })?;
+            let samples = trajectory
+                .instruments
+                .ok_or(IdentificationError::NoInstruments { trajectory: index })?;
             assert_eq!(samples.q.len(), trajectory.samples.q.len(), "one instrument per sample");
             let mut rows: Vec<f64> = Vec::new();
             let instruments = Trajectory { samples, ..trajectory };
@@ -521,7 +575,8 @@ impl<'a> Equations<'a> {
         self.source.for_each_piece(trajectory, |piece| {
             for (k, sample) in piece.samples.clone().enumerate().step_by(trajectory.decimation) {
                 for joint in 0..n {
-                    let kind = trajectory.use_as.map_or(Row::Moving, |use_as| use_as[sample * n + joint]);
+                    let kind =
+                        trajectory.use_as.map_or(Row::Moving, |use_as| use_as[sample * n + joint]);
                     if kind == Row::Skip {
                         continue;
                     }
@@ -558,7 +613,8 @@ struct RowSource<'a> {
     layouts: Vec<RowLayout>,
     /// One per thread.
     workspaces: Vec<BatchWorkspace>,
-    /// Rows of each joint in the present piece of a trajectory, `[samples, columns + 1]`, the torque last.
+    /// Rows of each joint in the present piece of a trajectory, `[samples, columns + 1]`, the
+    /// torque last.
     rows: Vec<Vec<f64>>,
 }
 
@@ -585,9 +641,11 @@ impl Piece<'_> {
 
 impl<'a> RowSource<'a> {
     fn new(robot: &'a Robot, set: &'a ParameterSet, base: &BaseParameters) -> Self {
-        let layouts: Vec<_> = (0..robot.dof()).map(|joint| RowLayout::new(joint, robot, set, base)).collect();
+        let layouts: Vec<_> =
+            (0..robot.dof()).map(|joint| RowLayout::new(joint, robot, set, base)).collect();
         crate::threads::prepare();
-        let workspaces = (0..rayon::current_num_threads()).map(|_| BatchWorkspace::new(robot)).collect();
+        let workspaces =
+            (0..rayon::current_num_threads()).map(|_| BatchWorkspace::new(robot)).collect();
         Self { robot, set, rows: vec![Vec::new(); layouts.len()], layouts, workspaces }
     }
 
@@ -597,15 +655,25 @@ impl<'a> RowSource<'a> {
         trajectory: &Trajectory<'_>,
         mut take: impl FnMut(Piece<'_>),
     ) -> Result<(), IdentificationError> {
-        let Trajectory { samples, tau, use_as, filter, decimation, columns, gains, .. } = *trajectory;
+        let Trajectory { samples, tau, use_as, filter, decimation, columns, gains, .. } =
+            *trajectory;
         let n = self.robot.dof();
         let count = samples.count(n);
         assert_eq!(tau.len(), count * n, "one torque per position");
         assert!(gains.is_empty() || gains.len() == n, "one gain per joint");
-        assert_eq!(columns.len(), self.set.trajectory_columns().len(), "every column of the trajectory");
+        assert_eq!(
+            columns.len(),
+            self.set.trajectory_columns().len(),
+            "every column of the trajectory"
+        );
         assert!(use_as.is_none_or(|use_as| use_as.len() == count * n), "one entry per equation");
         require_finite(
-            &[("position", samples.q), ("velocity", samples.dq), ("acceleration", samples.ddq), ("torque", tau)],
+            &[
+                ("position", samples.q),
+                ("velocity", samples.dq),
+                ("acceleration", samples.ddq),
+                ("torque", tau),
+            ],
             n,
         )?;
         for (values, column) in columns.iter().zip(self.set.trajectory_columns()) {
@@ -613,8 +681,8 @@ impl<'a> RowSource<'a> {
             require_finite(&[("a column of an effect", values)], width)?;
         }
 
-        // A filtered piece reaches over its ends by as much as the filter remembers, to fifteen digits, and is long
-        // against that; otherwise pieces stay in the cache.
+        // A filtered piece reaches over its ends by as much as the filter remembers, to fifteen
+        // digits, and is long against that; otherwise pieces stay in the cache.
         let (piece, overlap) = match filter {
             None => (PIECE, 0),
             Some(filter) => {
@@ -647,8 +715,11 @@ impl<'a> RowSource<'a> {
     fn fill(&mut self, trajectory: &Trajectory<'_>, range: Range<usize>) {
         let Self { robot, set, layouts, rows, workspaces } = self;
         let parts = workspaces.len();
-        let part = |k: usize| range.start + k * range.len() / parts..range.start + (k + 1) * range.len() / parts;
-        let mut of_parts: Vec<Vec<&mut [f64]>> = (0..parts).map(|_| Vec::with_capacity(layouts.len())).collect();
+        let part = |k: usize| {
+            range.start + k * range.len() / parts..range.start + (k + 1) * range.len() / parts
+        };
+        let mut of_parts: Vec<Vec<&mut [f64]>> =
+            (0..parts).map(|_| Vec::with_capacity(layouts.len())).collect();
         for (rows, layout) in rows.iter_mut().zip(layouts.iter()) {
             rows.resize(range.len() * layout.width(), 0.0);
             let mut rest = &mut rows[..];
@@ -659,7 +730,9 @@ impl<'a> RowSource<'a> {
             }
         }
         let of_threads = workspaces.par_iter_mut().zip(of_parts).enumerate();
-        of_threads.for_each(|(k, (ws, mut rows))| fill_rows(robot, set, layouts, trajectory, part(k), (ws, &mut rows)));
+        of_threads.for_each(|(k, (ws, mut rows))| {
+            fill_rows(robot, set, layouts, trajectory, part(k), (ws, &mut rows))
+        });
     }
 }
 
@@ -676,7 +749,11 @@ fn fill_rows(
     let n = robot.dof();
     let gain = |joint: usize| gains.get(joint).copied().unwrap_or(1.0);
     let cut = range.start * n..range.end * n;
-    let piece = Samples { q: &samples.q[cut.clone()], dq: &samples.dq[cut.clone()], ddq: &samples.ddq[cut] };
+    let piece = Samples {
+        q: &samples.q[cut.clone()],
+        dq: &samples.dq[cut.clone()],
+        ddq: &samples.ddq[cut],
+    };
     for_each_regressor_block(
         robot,
         ws,
@@ -696,7 +773,11 @@ fn fill_rows(
     let mut effects = vec![0.0; set.effect_columns_per_joint()];
     for (k, sample) in range.enumerate() {
         let at = sample * n..(sample + 1) * n;
-        let state = JointState { q: &samples.q[at.clone()], dq: &samples.dq[at.clone()], ddq: &samples.ddq[at] };
+        let state = JointState {
+            q: &samples.q[at.clone()],
+            dq: &samples.dq[at.clone()],
+            ddq: &samples.ddq[at],
+        };
         for joint in 0..n {
             let (layout, gain) = (&layouts[joint], gain(joint));
             let width = layout.width();
@@ -720,7 +801,12 @@ const LARGEST_SQUARES: f64 = 1e200;
 /// Refuses rows whose squares overflow: robot and channels have numbers that no arm has.
 ///
 /// - `rows`: of a joint, from the sample `first` on
-fn require_squares(rows: &[f64], width: usize, joint: usize, first: usize) -> Result<(), IdentificationError> {
+fn require_squares(
+    rows: &[f64],
+    width: usize,
+    joint: usize,
+    first: usize,
+) -> Result<(), IdentificationError> {
     // Not a number where a product was none.
     if dot_in_lanes(rows, rows) <= LARGEST_SQUARES {
         return Ok(());
@@ -754,19 +840,29 @@ mod tests {
         let base = BaseParameters::new(&robot, &set);
         let samples = 3000;
         let wave = |speed: f64, scale: f64| -> Vec<f64> {
-            (0..2 * samples).map(|k| scale * (speed * (k / 2) as f64 + (k % 2) as f64).sin()).collect()
+            (0..2 * samples)
+                .map(|k| scale * (speed * (k / 2) as f64 + (k % 2) as f64).sin())
+                .collect()
         };
-        let (q, dq, ddq, tau) = (wave(0.01, 1.0), wave(0.013, 2.0), wave(0.017, 3.0), wave(0.02, 9.0));
+        let (q, dq, ddq, tau) =
+            (wave(0.01, 1.0), wave(0.013, 2.0), wave(0.017, 3.0), wave(0.02, 9.0));
         let kinds = [Row::Moving, Row::Skip, Row::Resting, Row::Moving, Row::Moving];
         let use_as: Vec<Row> = (0..2 * samples).map(|k| kinds[k / 37 % kinds.len()]).collect();
         let filter = LowPass::butterworth(4, 10.0, 200.0).expect("a filter");
         let motion = Samples { q: &q, dq: &dq, ddq: &ddq };
-        let one =
-            Trajectory { use_as: Some(&use_as), filter: Some(&filter), decimation: 3, ..Trajectory::new(motion, &tau) };
+        let one = Trajectory {
+            use_as: Some(&use_as),
+            filter: Some(&filter),
+            decimation: 3,
+            ..Trajectory::new(motion, &tau)
+        };
         let trajectories = vec![one, Trajectory { filter: None, decimation: 1, ..one }];
 
         let mut observation = Observation::new(&robot, &set, &base).keeping_rows();
-        trajectories.iter().try_for_each(|trajectory| observation.add(trajectory)).expect("good data");
+        trajectories
+            .iter()
+            .try_for_each(|trajectory| observation.add(trajectory))
+            .expect("good data");
         type Seen = (usize, usize, usize, bool, Vec<usize>, Vec<f64>);
         let seen = |equation: Equation<'_>| -> Seen {
             let Equation { trajectory, sample, joint, resting, columns, row } = equation;

@@ -6,7 +6,10 @@ use crate::spatial::{LinkInertia, PARAMETERS_PER_LINK};
 /// Size of a link of which the robot file says nothing, m.
 pub(super) const LINK_SIZE: f64 = 0.1;
 
-pub(super) fn nominal_links<'a>(parameters: &'a [f64], set: &ParameterSet) -> impl Iterator<Item = LinkInertia> + 'a {
+pub(super) fn nominal_links<'a>(
+    parameters: &'a [f64],
+    set: &ParameterSet,
+) -> impl Iterator<Item = LinkInertia> + 'a {
     parameters[..set.inertial()].as_chunks().0.iter().map(LinkInertia::from_standard_parameters)
 }
 
@@ -22,7 +25,8 @@ impl LinkSize {
         let trace: f64 = (0..3).map(|axis| nominal.pseudo_inertia()[axis][axis]).sum();
         let mass = if nominal.mass > 1e-3 { nominal.mass } else { 1.0 };
         let length = (trace / mass).sqrt();
-        let length = if length.is_finite() && length > 0.0 { length.clamp(0.02, 2.0) } else { LINK_SIZE };
+        let length =
+            if length.is_finite() && length > 0.0 { length.clamp(0.02, 2.0) } else { LINK_SIZE };
         Self { mass, length }
     }
 
@@ -39,10 +43,13 @@ impl LinkSize {
     pub fn scaled(&self, link: &LinkInertia) -> nalgebra::Matrix4<f64> {
         let rows = link.pseudo_inertia();
         let unit = |axis: usize| if axis < 3 { self.length } else { 1.0 };
-        nalgebra::Matrix4::from_fn(|row, column| rows[row][column] / (self.mass * unit(row) * unit(column)))
+        nalgebra::Matrix4::from_fn(|row, column| {
+            rows[row][column] / (self.mass * unit(row) * unit(column))
+        })
     }
 
-    /// The scaled pseudo-inertia, with eigenvalues raised to where a body has them, and whether that was needed.
+    /// The scaled pseudo-inertia, with eigenvalues raised to where a body has them, and whether
+    /// that was needed.
     pub fn definite(&self, link: &LinkInertia) -> (nalgebra::Matrix4<f64>, bool) {
         const THINNEST: f64 = 1e-3;
         let matrix = self.scaled(link);
@@ -52,14 +59,16 @@ impl LinkSize {
         }
         // A slender rod is a body, and raising its thin directions is no news.
         let mended = eigen.eigenvalues.min() < -1e-9;
-        let raised = nalgebra::Matrix4::from_diagonal(&eigen.eigenvalues.map(|value| value.max(THINNEST)));
+        let raised =
+            nalgebra::Matrix4::from_diagonal(&eigen.eigenvalues.map(|value| value.max(THINNEST)));
         (eigen.eigenvectors * raised * eigen.eigenvectors.transpose(), mended)
     }
 }
 
 /// Units in which all parameters are of order one.
 pub(super) fn parameter_scales(set: &ParameterSet, nominal: &[f64], torque: &[f64]) -> Vec<f64> {
-    let mut scales: Vec<f64> = nominal_links(nominal, set).flat_map(|link| LinkSize::of(link).scales()).collect();
+    let mut scales: Vec<f64> =
+        nominal_links(nominal, set).flat_map(|link| LinkSize::of(link).scales()).collect();
     let of_state = set.effect_columns().iter().map(|column| 0.1 * torque[column.joint]);
     let largest = torque.iter().copied().fold(0.0, f64::max);
     let of_trajectory = set

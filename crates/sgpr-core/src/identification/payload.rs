@@ -1,10 +1,11 @@
 //! What hangs on the last link: from logs with it and logs without it.
 //!
-//! A payload adds its ten parameters to those of the link that holds it, W_loaded = [W, W B_link], so arm and payload are
-//! estimated together, and the covariance of the payload knows what the arm's is.
+//! A payload adds its ten parameters to those of the link that holds it, W_loaded = [W, W B_link],
+//! so arm and payload are estimated together, and the covariance of the payload knows what the
+//! arm's is.
 //!
-//! Source: W. Khalil, M. Gautier, P. Lemoine, Identification of the payload inertial parameters of industrial
-//! manipulators, IEEE ICRA (2007), method 3 (both logs at once).
+//! Source: W. Khalil, M. Gautier, P. Lemoine, Identification of the payload inertial parameters of
+//! industrial manipulators, IEEE ICRA (2007), method 3 (both logs at once).
 
 use derive_setters::Setters;
 use faer::Mat;
@@ -24,7 +25,8 @@ pub struct PayloadOptions {
     pub link: usize,
     /// Whether friction and offsets may differ between the logs with and without it.
     pub friction_may_change: bool,
-    /// Whether the payload is to be a body: of positive mass, with an inertia that some distribution of it has.
+    /// Whether the payload is to be a body: of positive mass, with an inertia that some
+    /// distribution of it has.
     pub consistent: bool,
 }
 
@@ -43,7 +45,8 @@ impl PayloadOptions {
 pub struct Payload {
     /// m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz.
     pub parameters: [f64; PARAMETERS_PER_LINK],
-    /// Their covariance, `[10, 10]`, before physics is asked; infinite where the motion says nothing.
+    /// Their covariance, `[10, 10]`, before physics is asked; infinite where the motion says
+    /// nothing.
     pub covariance: Mat<f64>,
     /// Base parameters of the arm without it, `[rank]`.
     pub base: Vec<f64>,
@@ -72,7 +75,8 @@ impl Payload {
 ///
 /// - `unloaded`, `loaded`: factors of the same columns
 /// - `nominal`: base parameters of the robot file, `[rank]`
-/// - `correlation`: rows that carry as much as one independent row, per factor of `unloaded`, then of `loaded`
+/// - `correlation`: rows that carry as much as one independent row, per factor of `unloaded`, then
+///   of `loaded`
 ///
 /// # Errors
 /// If there are fewer rows than unknowns.
@@ -92,7 +96,9 @@ pub fn identify_payload(
     let held = PayloadLink::new(set, base, options.link);
     let changes: Vec<usize> = if options.friction_may_change {
         (0..rank)
-            .filter(|&k| base.independent()[k] >= set.inertial() && !is_rotor(set, base.independent()[k]))
+            .filter(|&k| {
+                base.independent()[k] >= set.inertial() && !is_rotor(set, base.independent()[k])
+            })
             .collect()
     } else {
         Vec::new()
@@ -111,14 +117,17 @@ pub fn identify_payload(
         let torque = extended.torque();
         extended.finish(&torque)
     };
-    let factors: Vec<JointFactor> = unloaded.iter().cloned().chain(loaded.iter().map(extend)).collect();
+    let factors: Vec<JointFactor> =
+        unloaded.iter().cloned().chain(loaded.iter().map(extend)).collect();
     let mut start = nominal.to_vec();
     start.resize(rank + PARAMETERS_PER_LINK + changes.len(), 0.0);
     let fit = LeastSquares { method: Method::Wls, correlation: correlation.map(<[f64]>::to_vec) };
     let estimate = fit.solve_unknowns(&factors, &start)?;
-    let covariance =
-        Mat::from_fn(PARAMETERS_PER_LINK, PARAMETERS_PER_LINK, |i, j| estimate.covariance[(rank + i, rank + j)]);
-    let mut parameters: [f64; PARAMETERS_PER_LINK] = std::array::from_fn(|k| estimate.values[rank + k]);
+    let covariance = Mat::from_fn(PARAMETERS_PER_LINK, PARAMETERS_PER_LINK, |i, j| {
+        estimate.covariance[(rank + i, rank + j)]
+    });
+    let mut parameters: [f64; PARAMETERS_PER_LINK] =
+        std::array::from_fn(|k| estimate.values[rank + k]);
     if options.consistent {
         parameters = nearest_body(&parameters, &covariance, f64::INFINITY)?.parameters;
     }

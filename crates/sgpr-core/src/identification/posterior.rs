@@ -5,11 +5,13 @@ use serde::{Deserialize, Serialize};
 
 use super::forecast::variances;
 use super::least_squares::{
-    MOST_ITERATIONS, ParameterExcitation, SAME_WEIGHTS, TRIFLE, floored, least_noise, residual_noise, stack,
-    triangular_solution, unit_noise,
+    MOST_ITERATIONS, ParameterExcitation, SAME_WEIGHTS, TRIFLE, floored, least_noise,
+    residual_noise, stack, triangular_solution, unit_noise,
 };
 use super::prior::{ParameterPrior, Posterior, non_negative, refused};
-use super::{Equations, Estimate, IdentificationError, JointFactor, LeastSquares, Method, estimate};
+use super::{
+    Equations, Estimate, IdentificationError, JointFactor, LeastSquares, Method, estimate,
+};
 
 /// How wide the prior on bodies is.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -28,7 +30,8 @@ pub enum PriorWidth {
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct Held {
-    /// The posterior mean, and its covariance: that of the estimator where the data speak, the prior's where they do not.
+    /// The posterior mean, and its covariance: that of the estimator where the data speak, the
+    /// prior's where they do not.
     pub estimate: Estimate,
     /// With the width that was used.
     pub prior: ParameterPrior,
@@ -37,19 +40,22 @@ pub struct Held {
     pub data: Mat<f64>,
     /// Those units by factor, N·m (N); infinite for factors that are left out.
     pub levels: Vec<f64>,
-    /// Parameters that the data make negative beyond chance although physics forbids it, and what the data make them.
+    /// Parameters that the data make negative beyond chance although physics forbids it, and what
+    /// the data make them.
     pub refused: Vec<(usize, f64)>,
 }
 
 impl Held {
-    /// Covariance of the parameters after `longer` times as much data of the same kind, `[rank, rank]`.
+    /// Covariance of the parameters after `longer` times as much data of the same kind,
+    /// `[rank, rank]`.
     pub(crate) fn covariance_with(&self, longer: f64) -> Mat<f64> {
         let root = self.prior.posterior(&(faer::Scale(longer.sqrt()) * &self.data)).root;
         &root * root.transpose()
     }
 }
 
-/// A factor with fewer rows than this many per column is followed by its parameters too closely to start from.
+/// A factor with fewer rows than this many per column is followed by its parameters too closely to
+/// start from.
 const ROWS_PER_COLUMN: usize = 2;
 
 /// Iterations in which widths are chosen: with the first weights, and with better ones.
@@ -73,12 +79,13 @@ impl PriorWidth {
 
 /// [`estimate`](super::estimate()) under a prior.
 ///
-/// Other methods than least squares give an estimate t with the information I of its rows; data and prior together say
-/// (I + PᵀP)⁻¹ (I t + PᵀP mean). [`RIDGE`](super::RIDGE) has a prior of its own and stays as it is.
+/// Other methods than least squares give an estimate t with the information I of its rows; data and
+/// prior together say (I + PᵀP)⁻¹ (I t + PᵀP mean). [`RIDGE`](super::RIDGE) has a prior of its own
+/// and stays as it is.
 ///
 /// # Errors
-/// As [`estimate`](super::estimate()), but that there may be few rows; [`IdentificationError::Prior`] for a width that is
-/// not positive.
+/// As [`estimate`](super::estimate()), but that there may be few rows;
+/// [`IdentificationError::Prior`] for a width that is not positive.
 pub fn estimate_with_prior(
     method: &Method,
     equations: &mut Equations<'_>,
@@ -87,13 +94,20 @@ pub fn estimate_with_prior(
     width: PriorWidth,
     correlation: Option<&[f64]>,
 ) -> Result<Held, IdentificationError> {
-    let start = LeastSquares { method: method.clone(), correlation: correlation.map(<[f64]>::to_vec) };
+    let start =
+        LeastSquares { method: method.clone(), correlation: correlation.map(<[f64]>::to_vec) };
     let held = start.solve_with_prior(factors, prior, width)?;
     if method.is_least_squares() {
         return Ok(held);
     }
-    let mut found =
-        estimate::from_start(method, equations, factors, held.estimate.clone(), held.prior.mean(), correlation)?;
+    let mut found = estimate::from_start(
+        method,
+        equations,
+        factors,
+        held.estimate.clone(),
+        held.prior.mean(),
+        correlation,
+    )?;
     if method.has_prior() {
         return Ok(Held { estimate: found, ..held });
     }
@@ -118,13 +132,17 @@ fn informed(data: &Mat<f64>, values: &[f64]) -> Mat<f64> {
     })
 }
 
-/// The estimate with some parameters not negative, as far from it as its rows allow, and those that it makes negative beyond
-/// chance. Its covariance stays.
-pub(crate) fn without_negative(mut estimate: Estimate, constrained: &[usize]) -> (Estimate, Vec<(usize, f64)>) {
+/// The estimate with some parameters not negative, as far from it as its rows allow, and those that
+/// it makes negative beyond chance. Its covariance stays.
+pub(crate) fn without_negative(
+    mut estimate: Estimate,
+    constrained: &[usize],
+) -> (Estimate, Vec<(usize, f64)>) {
     let deviations = estimate.standard_deviations();
     let refused = refused(&estimate.values, |k| deviations[k], constrained);
     if constrained.iter().any(|k| estimate.values[*k] < 0.0) {
-        estimate.values = non_negative(&informed(&estimate.whitened, &estimate.values), constrained, &[]);
+        estimate.values =
+            non_negative(&informed(&estimate.whitened, &estimate.values), constrained, &[]);
     }
     (estimate, refused)
 }
@@ -161,7 +179,8 @@ impl LeastSquares {
     ) -> Result<Held, IdentificationError> {
         width.check()?;
         let unknowns = prior.mean().len();
-        let inflation: Vec<f64> = (0..factors.len()).map(|index| self.correlation_of(index)).collect();
+        let inflation: Vec<f64> =
+            (0..factors.len()).map(|index| self.correlation_of(index)).collect();
         let mut now = self.start(factors, prior)?;
         let least = resolved(factors, &prior.covariance());
         let mut prior = prior.clone();
@@ -170,7 +189,10 @@ impl LeastSquares {
             let unit = unit_noise(factors, &now.weights, &now.noise, &now.freedom, &inflation);
             let whitened = faer::Scale(1.0 / unit) * stack(factors, unknowns, &now.weights);
             let levels = now.levels(factors, &inflation, &least);
-            let data = informed(&stack(factors, unknowns, &levels), &triangular_solution(&whitened, prior.mean()));
+            let data = informed(
+                &stack(factors, unknowns, &levels),
+                &triangular_solution(&whitened, prior.mean()),
+            );
             if iteration <= CHOICES {
                 prior = width.of(prior, &data);
             }
@@ -178,7 +200,8 @@ impl LeastSquares {
             let settled = !now.few || {
                 now.freedom = freedom_left(factors, &levels, &posterior);
                 now.noise = residual_noise(factors, &posterior.values, &now.freedom);
-                now.reweigh(factors, self.reweighted()) < SAME_WEIGHTS || iteration >= MOST_ITERATIONS
+                now.reweigh(factors, self.reweighted()) < SAME_WEIGHTS
+                    || iteration >= MOST_ITERATIONS
             };
             if settled {
                 let noise = residual_noise(factors, &posterior.values, &now.freedom);
@@ -202,9 +225,13 @@ impl LeastSquares {
         unreachable!("the last iteration returns")
     }
 
-    /// Where the iteration begins: with least squares where that is well determined, else with what the expected parameters
-    /// leave over.
-    fn start(&self, factors: &[JointFactor], prior: &ParameterPrior) -> Result<WeightStart, IdentificationError> {
+    /// Where the iteration begins: with least squares where that is well determined, else with what
+    /// the expected parameters leave over.
+    fn start(
+        &self,
+        factors: &[JointFactor],
+        prior: &ParameterPrior,
+    ) -> Result<WeightStart, IdentificationError> {
         let unknowns = prior.mean().len();
         let used: Vec<bool> = factors.iter().map(|factor| self.uses(factor)).collect();
         let rows = |(factor, used): (&JointFactor, &bool)| if *used { factor.rows } else { 0 };
@@ -217,7 +244,15 @@ impl LeastSquares {
             let Estimate { values, covariance, weights, noise, excitation, iterations, .. } =
                 self.solve_unknowns(factors, prior.mean())?;
             let freedom = super::least_squares::degrees_of_freedom(factors, values.len());
-            return Ok(WeightStart { weights, noise, freedom, covariance, excitation, iterations, few });
+            return Ok(WeightStart {
+                weights,
+                noise,
+                freedom,
+                covariance,
+                excitation,
+                iterations,
+                few,
+            });
         }
         let freedom: Vec<f64> = factors.iter().map(|factor| factor.rows as f64).collect();
         let noise = residual_noise(factors, prior.mean(), &freedom);
@@ -231,7 +266,11 @@ impl LeastSquares {
                 if let Some(joint) = known.iter().position(|s| !(*s > 0.0 && s.is_finite())) {
                     return Err(IdentificationError::Noise { joint, value: known[joint] });
                 }
-                factors.iter().zip(&used).map(|(factor, used)| ignored(known[factor.joint], *used)).collect()
+                factors
+                    .iter()
+                    .zip(&used)
+                    .map(|(factor, used)| ignored(known[factor.joint], *used))
+                    .collect()
             }
             _ => floors.iter().zip(&used).map(|(noise, used)| ignored(*noise, *used)).collect(),
         };
@@ -291,22 +330,27 @@ impl WeightStart {
             return 0.0;
         }
         let noise = floored(&self.noise, factors, &vec![0.0; factors.len()]);
-        let used = |(noise, weight): (&f64, &f64)| if weight.is_finite() { *noise } else { f64::INFINITY };
+        let used =
+            |(noise, weight): (&f64, &f64)| if weight.is_finite() { *noise } else { f64::INFINITY };
         let weights: Vec<f64> = noise.iter().zip(&self.weights).map(used).collect();
         let before = std::mem::replace(&mut self.weights, weights);
-        let change = |(new, old): (&f64, &f64)| if old.is_finite() { (new / old - 1.0).abs() } else { 0.0 };
+        let change =
+            |(new, old): (&f64, &f64)| if old.is_finite() { (new / old - 1.0).abs() } else { 0.0 };
         self.weights.iter().zip(&before).map(change).fold(0.0, f64::max)
     }
 }
 
-/// Noise of each factor, a trifle of the torque that parameters of a covariance make: rows that knew more would leave no digit
-/// to a prior of this covariance.
+/// Noise of each factor, a trifle of the torque that parameters of a covariance make: rows that
+/// knew more would leave no digit to a prior of this covariance.
 fn resolved(factors: &[JointFactor], covariance: &Mat<f64>) -> Vec<f64> {
-    let of = |factor: &JointFactor| TRIFLE * (variances(covariance, factor) / factor.rows.max(1) as f64).sqrt();
+    let of = |factor: &JointFactor| {
+        TRIFLE * (variances(covariance, factor) / factor.rows.max(1) as f64).sqrt()
+    };
     factors.iter().map(of).collect()
 }
 
-/// Rows of each factor less those that the posterior mean follows: the trace of what turns torques into predictions.
+/// Rows of each factor less those that the posterior mean follows: the trace of what turns torques
+/// into predictions.
 fn freedom_left(factors: &[JointFactor], levels: &[f64], posterior: &Posterior) -> Vec<f64> {
     let rank = posterior.root.nrows();
     let taken = |(factor, level): (&JointFactor, &f64)| {

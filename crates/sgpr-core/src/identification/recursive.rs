@@ -7,15 +7,15 @@ use super::groups::Groups;
 use super::least_squares::Solution;
 use super::{Estimate, IdentificationError};
 
-/// Least squares that takes one row after the other, with a memory that fades: for parameters that change, as when a
-/// payload is picked up.
+/// Least squares that takes one row after the other, with a memory that fades: for parameters that
+/// change, as when a payload is picked up.
 ///
-/// What is kept is the triangular factor of the weighted rows, turned by Givens rotations, not the covariance matrix that
-/// textbooks update: it does not lose definiteness, and directions that the motion stops exciting fade instead of
-/// exploding (the estimate in them stays at `nominal`).
+/// What is kept is the triangular factor of the weighted rows, turned by Givens rotations, not the
+/// covariance matrix that textbooks update: it does not lose definiteness, and directions that the
+/// motion stops exciting fade instead of exploding (the estimate in them stays at `nominal`).
 ///
-/// Source: G. H. Golub, C. F. Van Loan, Matrix Computations (2013), section 6.5.3; S. Haykin, Adaptive Filter Theory (2002),
-/// chapter 14 (square-root recursive least squares).
+/// Source: G. H. Golub, C. F. Van Loan, Matrix Computations (2013), section 6.5.3; S. Haykin,
+/// Adaptive Filter Theory (2002), chapter 14 (square-root recursive least squares).
 ///
 /// # Examples
 /// ```
@@ -40,14 +40,19 @@ pub struct RecursiveLeastSquares {
 impl RecursiveLeastSquares {
     /// Without rows.
     ///
-    /// - `forgetting`: weight that what is known keeps at each [`Self::forget`], above 0 and at most 1; 0.99 remembers about
-    ///   a hundred
+    /// - `forgetting`: weight that what is known keeps at each [`Self::forget`], above 0 and at
+    ///   most 1; 0.99 remembers about a hundred
     ///
     /// # Panics
     /// If `forgetting` is out of range.
     pub fn new(unknowns: usize, forgetting: f64) -> Self {
         assert!(forgetting > 0.0 && forgetting <= 1.0, "a share above zero and at most one");
-        Self { factor: Mat::zeros(unknowns + 1, unknowns + 1), forgetting, row: vec![0.0; unknowns + 1], weight: 0.0 }
+        Self {
+            factor: Mat::zeros(unknowns + 1, unknowns + 1),
+            forgetting,
+            row: vec![0.0; unknowns + 1],
+            weight: 0.0,
+        }
     }
 
     /// Lets what is known fade by one step.
@@ -110,8 +115,9 @@ impl RecursiveLeastSquares {
     }
 }
 
-/// Recursive weighted least squares, sample after sample, what is past losing weight; the estimates are those at the end. Setting:
-/// weight that a sample keeps from one row of the decimated log to the next; 1 forgets nothing.
+/// Recursive weighted least squares, sample after sample, what is past losing weight; the estimates
+/// are those at the end. Setting: weight that a sample keeps from one row of the decimated log to
+/// the next; 1 forgets nothing.
 pub static RECURSIVE: Estimator = Estimator {
     setting: EstimatorSetting::new("FORGETTING", 1.0),
     ..Estimator::new("rls", "recursive weighted least squares", estimate)
@@ -146,14 +152,22 @@ fn estimate(task: EstimatorTask<'_, '_>, start: Estimate) -> Result<Estimate, Id
     // In the units of the batch fit's noise and memory.
     let unknowns = nominal.len();
     let residual = |triangle: &Mat<f64>| triangle[(unknowns, unknowns)].powi(2);
-    let rows: f64 = factors.iter().zip(&start.weights).filter(|(_, w)| w.is_finite()).map(|(f, _)| f.rows as f64).sum();
+    let rows: f64 = factors
+        .iter()
+        .zip(&start.weights)
+        .filter(|(_, w)| w.is_finite())
+        .map(|(f, _)| f.rows as f64)
+        .sum();
     let of_batch = if residual(&start.whitened) > 0.0 {
         (rows - unknowns as f64).max(1.0) / residual(&start.whitened)
     } else {
         1.0
     };
-    let found = (residual(&fit.factor) / (fit.effective_rows() - unknowns as f64).max(1.0) * of_batch).sqrt();
-    // As many unknowns as rows leave no residual: the unit is then what rounding leaves of the torque.
+    let found = (residual(&fit.factor) / (fit.effective_rows() - unknowns as f64).max(1.0)
+        * of_batch)
+        .sqrt();
+    // As many unknowns as rows leave no residual: the unit is then what rounding leaves of the
+    // torque.
     let torque = fit.factor.col(unknowns).norm_l2();
     let unit = found.max(1e-9 * torque / rows.max(1.0).sqrt()).max(f64::MIN_POSITIVE);
     let variance = unit * unit;

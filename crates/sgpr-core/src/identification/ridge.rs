@@ -1,6 +1,7 @@
 //! Least squares with a normal prior around the robot file.
 //!
-//! The robot file knows the bodies and says nothing of friction, rotors and offsets: what it does not know is not pulled.
+//! The robot file knows the bodies and says nothing of friction, rotors and offsets: what it does
+//! not know is not pulled.
 
 use faer::Mat;
 
@@ -10,12 +11,13 @@ use super::parameter_scales::parameter_scales;
 use super::{Estimate, IdentificationError};
 use crate::linalg::{cholesky, triangle};
 
-/// Standard deviation, in units of their expected size, of parameters of which the robot file says nothing: the pull on
-/// them is a millionth of a millionth of what it would be.
+/// Standard deviation, in units of their expected size, of parameters of which the robot file says
+/// nothing: the pull on them is a millionth of a millionth of what it would be.
 const UNKNOWN: f64 = 1e6;
 
-/// Weighted least squares pulled toward the robot file: a normal prior on all standard parameters, those of a link in the units
-/// of its mass and size. Setting: standard deviation of the robot file's values as a share of them.
+/// Weighted least squares pulled toward the robot file: a normal prior on all standard parameters,
+/// those of a link in the units of its mass and size. Setting: standard deviation of the robot
+/// file's values as a share of them.
 pub static RIDGE: Estimator = Estimator {
     setting: EstimatorSetting::new("RELATIVE_DEVIATION", 1.0),
     needs: EstimatorNeeds::Factors,
@@ -24,8 +26,9 @@ pub static RIDGE: Estimator = Estimator {
     ..Estimator::new("ridge", "weighted least squares with a pull toward the robot file", estimate)
 };
 
-/// The prior makes all standard parameters independent, with deviations in the units of their link, so the base parameters
-/// have the covariance B D Bᵀ; its inverse root stands below the data as more rows.
+/// The prior makes all standard parameters independent, with deviations in the units of their link,
+/// so the base parameters have the covariance B D Bᵀ; its inverse root stands below the data as
+/// more rows.
 fn estimate(task: EstimatorTask<'_, '_>, start: Estimate) -> Result<Estimate, IdentificationError> {
     let EstimatorTask { setting: relative_deviation, equations, factors, nominal, .. } = task;
     super::check_prior_deviation(relative_deviation)?;
@@ -44,7 +47,8 @@ fn estimate(task: EstimatorTask<'_, '_>, start: Estimate) -> Result<Estimate, Id
     let combination = base.matrix();
     let width = scale.len();
     let covariance = Mat::from_fn(unknowns, unknowns, |i, j| {
-        let product = |k: usize| combination[i * width + k] * combination[j * width + k] * scale[k].powi(2);
+        let product =
+            |k: usize| combination[i * width + k] * combination[j * width + k] * scale[k].powi(2);
         relative_deviation.powi(2) * (0..width).map(product).sum::<f64>()
     });
     // Scaled to a unit diagonal, so that units do not spoil the factor.
@@ -53,12 +57,17 @@ fn estimate(task: EstimatorTask<'_, '_>, start: Estimate) -> Result<Estimate, Id
     // RᵀR = scaled, so the rows are R⁻ᵀ.
     let root = cholesky(scaled.as_ref()).ok_or(IdentificationError::PullWithoutScale)?;
     let mut rows = Mat::<f64>::identity(unknowns, unknowns);
-    faer::linalg::triangular_solve::solve_lower_triangular_in_place(root.transpose(), rows.as_mut(), faer::Par::Seq);
-    let all = Mat::from_fn(2 * unknowns + 1, unknowns + 1, |i, j| match i.checked_sub(unknowns + 1) {
-        None => start.whitened[(i, j)],
-        Some(i) if j < unknowns => rows[(i, j)] / size[j],
-        Some(i) => (0..=i).map(|k| rows[(i, k)] / size[k] * nominal[k]).sum(),
-    });
+    faer::linalg::triangular_solve::solve_lower_triangular_in_place(
+        root.transpose(),
+        rows.as_mut(),
+        faer::Par::Seq,
+    );
+    let all =
+        Mat::from_fn(2 * unknowns + 1, unknowns + 1, |i, j| match i.checked_sub(unknowns + 1) {
+            None => start.whitened[(i, j)],
+            Some(i) if j < unknowns => rows[(i, j)] / size[j],
+            Some(i) => (0..=i).map(|k| rows[(i, k)] / size[k] * nominal[k]).sum(),
+        });
     let system = triangle(all.as_ref());
     let solution = Solution::new(&system, nominal);
     Ok(Estimate { covariance: solution.inverse.clone(), values: solution.values, ..start })

@@ -1,9 +1,11 @@
 //! Huber's M-estimator by iteratively reweighted least squares.
 //!
-//! A joint has a scale of its own in every log: what the parameters cannot describe is larger in some motions than in others,
-//! such as that of rotors under large accelerations, and would pull parameters from where calmer logs see them.
+//! A joint has a scale of its own in every log: what the parameters cannot describe is larger in
+//! some motions than in others, such as that of rotors under large accelerations, and would pull
+//! parameters from where calmer logs see them.
 //!
-//! Source: P. J. Huber, E. M. Ronchetti, Robust Statistics (2009), sections 7.3 (normal equations), 7.8 (scale).
+//! Source: P. J. Huber, E. M. Ronchetti, Robust Statistics (2009), sections 7.3 (normal equations),
+//! 7.8 (scale).
 
 use faer::Mat;
 
@@ -25,39 +27,51 @@ pub(super) const MEDIAN_OF_NORMAL: f64 = 0.674_489_750_196_081_7;
 /// A log with fewer rows of a joint has the scale of all logs.
 const FEWEST_ROWS: usize = 100;
 
-/// Smallest scale of a joint in one log, of that in all: where parameters follow the rows of one log, its residual is no
-/// measure of noise.
+/// Smallest scale of a joint in one log, of that in all: where parameters follow the rows of one
+/// log, its residual is no measure of noise.
 const SMALLEST_SHARE: f64 = 0.25;
 
 /// Below this threshold, standard deviations, no row is left that tells how the estimate varies.
 const SMALLEST_THRESHOLD: f64 = 1e-3;
 
-/// Weighted least squares with rows that lie far off the others held down: Huber's weights, each joint's scale in each log from
-/// the median of its residual, iterated. Setting: residuals count linearly, not squared, beyond this many standard deviations;
-/// Huber's 1.345 loses 5 % where the noise is normal.
+/// Weighted least squares with rows that lie far off the others held down: Huber's weights, each
+/// joint's scale in each log from the median of its residual, iterated. Setting: residuals count
+/// linearly, not squared, beyond this many standard deviations; Huber's 1.345 loses 5 % where the
+/// noise is normal.
 pub static IRLS: Estimator = Estimator {
     setting: EstimatorSetting::new("THRESHOLD", 1.345),
     ..Estimator::new("irls", "iteratively reweighted (Huber) least squares", estimate)
 };
 
-fn estimate(task: EstimatorTask<'_, '_>, mut start: Estimate) -> Result<Estimate, IdentificationError> {
+fn estimate(
+    task: EstimatorTask<'_, '_>,
+    mut start: Estimate,
+) -> Result<Estimate, IdentificationError> {
     let EstimatorTask { setting: threshold, equations, factors, nominal, .. } = task;
     if threshold.is_nan() || threshold < SMALLEST_THRESHOLD {
-        let setting = "threshold of Huber's estimator, in standard deviations, at least a thousandth";
+        let setting =
+            "threshold of Huber's estimator, in standard deviations, at least a thousandth";
         return Err(IdentificationError::Setting { setting, value: threshold });
     }
     let used: Vec<bool> = start.weights.iter().map(|weight| weight.is_finite()).collect();
     let ones = used.iter().map(|used| if *used { 1.0 } else { f64::INFINITY }).collect();
     let huber = Huber { threshold, factors, group: Groups::of(factors), used, ones, nominal };
     let (values, scales, system) = huber.solve(equations, &mut start)?;
-    let EstimateSpread { covariance, inflation, down } = huber.spread(equations, &values, &scales)?;
+    let EstimateSpread { covariance, inflation, down } =
+        huber.spread(equations, &values, &scales)?;
 
     let used = &huber.used;
-    let rows: usize = factors.iter().zip(used).map(|(factor, used)| if *used { factor.rows } else { 0 }).sum();
-    start.notes.push(format!("{:.1} % of the rows were held down", 100.0 * down as f64 / rows as f64));
-    let counted = factors.iter().zip(used).filter(|(_, used)| **used).map(|(factor, _)| factor.rows as f64);
-    let mean_memory = inflation.iter().zip(used).filter(|(_, used)| **used).map(|(inflation, _)| inflation);
-    let memory = counted.zip(mean_memory).map(|(rows, inflation)| rows * inflation).sum::<f64>() / rows as f64;
+    let rows: usize =
+        factors.iter().zip(used).map(|(factor, used)| if *used { factor.rows } else { 0 }).sum();
+    start
+        .notes
+        .push(format!("{:.1} % of the rows were held down", 100.0 * down as f64 / rows as f64));
+    let counted =
+        factors.iter().zip(used).filter(|(_, used)| **used).map(|(factor, _)| factor.rows as f64);
+    let mean_memory =
+        inflation.iter().zip(used).filter(|(_, used)| **used).map(|(inflation, _)| inflation);
+    let memory = counted.zip(mean_memory).map(|(rows, inflation)| rows * inflation).sum::<f64>()
+        / rows as f64;
     Ok(Estimate {
         values,
         covariance,
@@ -65,7 +79,12 @@ fn estimate(task: EstimatorTask<'_, '_>, mut start: Estimate) -> Result<Estimate
         whitened: faer::Scale(1.0 / memory.sqrt()) * system,
         unit: memory.sqrt(),
         log_shares: scales.shares(),
-        weights: scales.all.iter().zip(used).map(|(s, used)| if *used { *s } else { f64::INFINITY }).collect(),
+        weights: scales
+            .all
+            .iter()
+            .zip(used)
+            .map(|(s, used)| if *used { *s } else { f64::INFINITY })
+            .collect(),
         ..start
     })
 }
@@ -75,7 +94,8 @@ struct Huber<'a> {
     threshold: f64,
     factors: &'a [JointFactor],
     group: Groups,
-    /// Which factors count, and the weights of rows that are scaled already: infinite for the others.
+    /// Which factors count, and the weights of rows that are scaled already: infinite for the
+    /// others.
     used: Vec<bool>,
     ones: Vec<f64>,
     nominal: &'a [f64],
@@ -91,7 +111,8 @@ struct EstimateSpread {
 }
 
 impl Huber<'_> {
-    /// Values, the scales of their residuals, and the triangle that they solve; `start` counts the iterations.
+    /// Values, the scales of their residuals, and the triangle that they solve; `start` counts the
+    /// iterations.
     fn solve(
         &self,
         equations: &mut Equations<'_>,
@@ -118,7 +139,10 @@ impl Huber<'_> {
             let next = Solution::new(&system, self.nominal).values;
             let step = length_in_deviations(&system, &next, &values);
             values = next;
-            let before = std::mem::replace(&mut scales, Scales::new(equations, factors, group, &values, &least)?);
+            let before = std::mem::replace(
+                &mut scales,
+                Scales::new(equations, factors, group, &values, &least)?,
+            );
             let settled = step < SMALL_STEP && scales.change_since(&before, used) < SMALL_STEP;
             if settled || start.iterations > MOST_ITERATIONS {
                 return Ok((values, scales, system));
@@ -126,7 +150,8 @@ impl Huber<'_> {
         }
     }
 
-    /// Sandwich: the slope of Huber's function inside, its square outside, and the memory of what it lets through.
+    /// Sandwich: the slope of Huber's function inside, its square outside, and the memory of what
+    /// it lets through.
     fn spread(
         &self,
         equations: &mut Equations<'_>,
@@ -139,14 +164,19 @@ impl Huber<'_> {
         let mut square = empty(factors);
         let mut memory = vec![Memory::default(); factors.len()];
         let mut down = 0usize;
-        let steps: Vec<usize> = equations.trajectories().iter().map(|trajectory| trajectory.decimation).collect();
+        let steps: Vec<usize> =
+            equations.trajectories().iter().map(|trajectory| trajectory.decimation).collect();
         let mut scaled_row = Vec::new();
         equations.for_each(|equation| {
             let Some(index) = self.group.index(&equation) else { return };
             let scale = scales.of(index, &equation);
             let size = equation.residual(values) / scale;
             let kept = size.clamp(-threshold, threshold);
-            memory[index].push(equation.trajectory, equation.sample / steps[equation.trajectory], kept);
+            memory[index].push(
+                equation.trajectory,
+                equation.sample / steps[equation.trajectory],
+                kept,
+            );
             scaled_row.clear();
             scaled_row.extend(equation.row.iter().map(|value| value * kept / scale));
             square[index].push(&scaled_row);
@@ -159,8 +189,10 @@ impl Huber<'_> {
             }
         })?;
         let inside = Solution::new(&self.stacked(&slope), self.nominal);
-        let inflation: Vec<f64> = memory.into_iter().map(Memory::rows_per_independent_row).collect();
-        let outside = weighted_gram(&with_factors(factors, &square), used, &inflation, self.nominal.len());
+        let inflation: Vec<f64> =
+            memory.into_iter().map(Memory::rows_per_independent_row).collect();
+        let outside =
+            weighted_gram(&with_factors(factors, &square), used, &inflation, self.nominal.len());
         Ok(EstimateSpread { covariance: inside.sandwich(&outside), inflation, down })
     }
 
@@ -183,7 +215,9 @@ fn empty(factors: &[JointFactor]) -> Vec<TriangularFactor> {
 
 fn with_factors(factors: &[JointFactor], weighted: &[TriangularFactor]) -> Vec<JointFactor> {
     let pairs = factors.iter().zip(weighted);
-    pairs.map(|(factor, weighted)| JointFactor { factor: weighted.factor(), ..factor.clone() }).collect()
+    pairs
+        .map(|(factor, weighted)| JointFactor { factor: weighted.factor(), ..factor.clone() })
+        .collect()
 }
 
 /// Standard deviation of the residual by its median size.
@@ -234,12 +268,18 @@ impl Scales {
     /// Largest relative change of a scale that is used.
     fn change_since(&self, before: &Self, used: &[bool]) -> f64 {
         let pairs = self.own.iter().zip(&before.own).zip(used).filter(|(_, used)| **used);
-        let changes = pairs.flat_map(|((new, old), _)| new.iter().zip(old).map(|(new, old)| (new / old - 1.0).abs()));
+        let changes = pairs.flat_map(|((new, old), _)| {
+            new.iter().zip(old).map(|(new, old)| (new / old - 1.0).abs())
+        });
         changes.fold(0.0, f64::max)
     }
 }
 
 fn scale(sizes: &mut [f64]) -> f64 {
     let middle = sizes.len() / 2;
-    if sizes.is_empty() { 0.0 } else { *sizes.select_nth_unstable_by(middle, f64::total_cmp).1 / MEDIAN_OF_NORMAL }
+    if sizes.is_empty() {
+        0.0
+    } else {
+        *sizes.select_nth_unstable_by(middle, f64::total_cmp).1 / MEDIAN_OF_NORMAL
+    }
 }

@@ -28,10 +28,11 @@ pub struct Comparison {
 
 /// How well a model predicts the torque of one joint.
 ///
-/// Figures are in the band of the model, both torques passed through the filter that the model was identified with, over
-/// the samples at which the joint moves and which are not at the end of a log. While a joint stands, dry friction holds
-/// it with any torque up to the Coulomb level, and no model can say which; the `with_rests` figure counts those samples
-/// too. The `full_band` figure uses the torque as it was logged.
+/// Figures are in the band of the model, both torques passed through the filter that the model was
+/// identified with, over the samples at which the joint moves and which are not at the end of a
+/// log. While a joint stands, dry friction holds it with any torque up to the Coulomb level, and no
+/// model can say which; the `with_rests` figure counts those samples too. The `full_band` figure
+/// uses the torque as it was logged.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct JointComparison {
@@ -67,16 +68,18 @@ pub struct JointComparison {
     pub relative_error_with_rests_percent: f64,
 }
 
-/// Measured and predicted torque of one stretch of a log. Arrays are `[samples, n]`, row-major, N·m (N).
+/// Measured and predicted torque of one stretch of a log. Arrays are `[samples, n]`, row-major, N·m
+/// (N).
 ///
-/// What passed the filter of the equations is made from what did not when it is asked for, as it is as large.
+/// What passed the filter of the equations is made from what did not when it is asked for, as it is
+/// as large.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct LogResidual {
     /// By the model.
     pub predicted: Vec<f64>,
-    /// Joint motion that was predicted from, and the torque as logged; shared by all that were compared with one
-    /// [`LogSet`].
+    /// Joint motion that was predicted from, and the torque as logged; shared by all that were
+    /// compared with one [`LogSet`].
     pub motion: Arc<Motion>,
     processing: Processing,
     filter: Option<LowPass>,
@@ -115,7 +118,11 @@ impl LogResidual {
         processing: &Processing,
     ) -> Result<Self, IdentifyError> {
         let motion = motion.into();
-        assert_eq!(torque_of(&motion)?.len(), predicted.len(), "a torque of every joint at every sample");
+        assert_eq!(
+            torque_of(&motion)?.len(),
+            predicted.len(),
+            "a torque of every joint at every sample"
+        );
         let filter = processing.band_filter(motion.rate_hz)?;
         if let Some(filter) = &filter {
             filter.check_length(motion.len())?;
@@ -187,10 +194,12 @@ impl LogResidual {
     }
 }
 
-/// Compares `model` with logs, processed as `processing` says, by default as the model was identified.
+/// Compares `model` with logs, processed as `processing` says, by default as the model was
+/// identified.
 ///
-/// - `logs`: a [`LogSet`], or recordings (`&[Recording]`, `&Vec<Recording>`), of which one is made: samples that two of them
-///   share count once. The motion in a set is kept with it, so that another model is compared without the filters.
+/// - `logs`: a [`LogSet`], or recordings (`&[Recording]`, `&Vec<Recording>`), of which one is made:
+///   samples that two of them share count once. The motion in a set is kept with it, so that
+///   another model is compared without the filters.
 ///
 /// # Errors
 /// If a recording lacks a joint or torque, or cannot be differentiated.
@@ -227,7 +236,9 @@ pub(super) fn compare_set<E: From<IdentifyError>>(
     let processing = match processing.or(model.processing()) {
         Some(processing) => processing,
         None => {
-            chosen = Processing::choose(&recordings, &Default::default()).map_err(IdentifyError::from)?.0;
+            chosen = Processing::choose(&recordings, &Default::default())
+                .map_err(IdentifyError::from)?
+                .0;
             &chosen
         }
     };
@@ -243,11 +254,17 @@ pub(super) fn compare_set<E: From<IdentifyError>>(
             logs.push(log);
         }
     }
-    let joints: Vec<JointComparison> =
-        model.robot().joints().iter().zip(&sums).map(|(joint, sums)| sums.comparison(joint)).collect();
+    let joints: Vec<JointComparison> = model
+        .robot()
+        .joints()
+        .iter()
+        .zip(&sums)
+        .map(|(joint, sums)| sums.comparison(joint))
+        .collect();
     let total = |select: fn(&ErrorSums) -> f64| sums.iter().map(select).sum::<f64>();
     let relative_error_percent = 100.0 * (total(|s| s.residual) / total(|s| s.measured)).sqrt();
-    let relative_error_with_rests_percent = 100.0 * (total(|s| s.any_residual) / total(|s| s.any_measured)).sqrt();
+    let relative_error_with_rests_percent =
+        100.0 * (total(|s| s.any_residual) / total(|s| s.any_measured)).sqrt();
     Ok(Comparison { joints, relative_error_percent, relative_error_with_rests_percent, logs })
 }
 
@@ -256,10 +273,9 @@ fn gravity(model: &TorqueModel, motion: &Motion) -> Vec<f32> {
     let robot = model.identified_robot();
     let mut ws = Workspace::new(robot);
     let mut torque = Vec::with_capacity(motion.q.len());
-    motion
-        .q
-        .chunks_exact(robot.dof())
-        .for_each(|q| torque.extend(gravity_torque(robot, &mut ws, q).iter().map(|tau| *tau as f32)));
+    motion.q.chunks_exact(robot.dof()).for_each(|q| {
+        torque.extend(gravity_torque(robot, &mut ws, q).iter().map(|tau| *tau as f32))
+    });
     torque
 }
 
@@ -289,7 +305,8 @@ impl ErrorSums {
         let (n, start) = (log.dof(), log.time()[0]);
         let in_band = log.in_band(joint);
         for sample in (0..log.motion.len()).filter(|sample| log.motion.inner[*sample]) {
-            let (entry, measured, residual) = (sample * n + joint, in_band.measured[sample], in_band.residual(sample));
+            let (entry, measured, residual) =
+                (sample * n + joint, in_band.measured[sample], in_band.residual(sample));
             self.any_count += 1.0;
             self.any_residual += residual.powi(2);
             self.any_measured += measured.powi(2);
@@ -328,7 +345,8 @@ impl ErrorSums {
             rmse_gravity: (self.against_gravity / count).sqrt(),
             rmse_full_band: (self.full_band / count).sqrt(),
             rmse_with_rests: (self.any_residual / self.any_count.max(1.0)).sqrt(),
-            relative_error_with_rests_percent: 100.0 * (self.any_residual / self.any_measured).sqrt(),
+            relative_error_with_rests_percent: 100.0
+                * (self.any_residual / self.any_measured).sqrt(),
         }
     }
 }

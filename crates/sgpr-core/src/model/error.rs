@@ -22,8 +22,8 @@ pub enum IdentifyError {
     Motion(#[from] MotionError),
     /// A joint that moves without any torque.
     #[error(
-        "the torque of `{joint}` is zero in every sample although the joint moves, so it was not measured: give the \
-         column that holds it, or leave the joint out (`joints`)"
+        "the torque of `{joint}` is zero in every sample although the joint moves, so it was not \
+         measured: give the column that holds it, or leave the joint out (`joints`)"
     )]
     NoTorque {
         /// Joint.
@@ -44,7 +44,9 @@ pub enum IdentifyError {
         reason: String,
     },
     /// An effect at a joint that cannot have it.
-    #[error("`{effect}` cannot be at `{joint}`: {}", if known.is_empty() { "it is of the whole arm, or of joints that this robot lacks".into() } else { format!("it can be at {}", known.join(", ")) })]
+    #[error("`{effect}` cannot be at `{joint}`: {}", if known.is_empty() { "it is of the whole \
+         arm, or of joints that this robot lacks".into() } else { format!("it \
+         can be at {}", known.join(", ")) })]
     NoSite {
         /// Effect.
         effect: String,
@@ -55,8 +57,8 @@ pub enum IdentifyError {
     },
     /// Simulations know effects of the present motion only.
     #[error(
-        "simulated motions, of output error and of instruments from a controller, do not know effects that follow the \
-         whole trajectory: {}",
+        "simulated motions, of output error and of instruments from a controller, do not know \
+         effects that follow the whole trajectory: {}",
         effects.join(", ")
     )]
     NotSimulated {
@@ -70,12 +72,16 @@ pub enum IdentifyError {
     #[error(transparent)]
     Stream(#[from] StreamError),
     /// Parameters set to zero make no body.
-    #[error("parameters that are left out make no body: choose between consistent and essential parameters")]
+    #[error(
+        "parameters that are left out make no body: choose between consistent and essential \
+         parameters"
+    )]
     ConsistentAndEssential,
     /// Instruments of other motions.
     #[error(
-        "the instruments hold {found} stretches of {samples:?} samples, the recordings {expected} of {wanted:?}: they are \
-         the same motion at the same times; bring both to one rate and one span (resample, trim)"
+        "the instruments hold {found} stretches of {samples:?} samples, the recordings {expected} \
+         of {wanted:?}: they are the same motion at the same times; bring both to one rate and one \
+         span (resample, trim)"
     )]
     Instruments {
         /// Stretches in the instruments.
@@ -88,7 +94,10 @@ pub enum IdentifyError {
         wanted: Vec<usize>,
     },
     /// Output error without its controller.
-    #[error("output error simulates the arm under its controller: give the gains, and the references as instruments")]
+    #[error(
+        "output error simulates the arm under its controller: give the gains, and the references \
+         as instruments"
+    )]
     NoController,
     /// Gains of other joints.
     #[error("gains: got {} for {}: give one for each", counted(*found, "gain"), counted(*joints, "joint"))]
@@ -100,7 +109,8 @@ pub enum IdentifyError {
     },
     /// The difference of two arms need not be an arm.
     #[error(
-        "the error of an internal model is the difference of two arms and no arm itself: identify it without consistency"
+        "the error of an internal model is the difference of two arms and no arm itself: identify \
+         it without consistency"
     )]
     ConsistentError,
     /// The listener stopped the work.

@@ -40,16 +40,24 @@ impl Experiment {
             logs.push(first..motions.len());
         }
         logs.retain(|stretches| !stretches.is_empty());
-        let filters = motions.iter().map(|motion: &Arc<Motion>| processing.band_filter(motion.rate_hz));
-        Ok(Self { filters: filters.collect::<Result<_, _>>()?, motions, logs, decimation: processing.decimation })
+        let filters =
+            motions.iter().map(|motion: &Arc<Motion>| processing.band_filter(motion.rate_hz));
+        Ok(Self {
+            filters: filters.collect::<Result<_, _>>()?,
+            motions,
+            logs,
+            decimation: processing.decimation,
+        })
     }
 
-    /// What the rows of each motion would be without those near turns of their joints, within `turn_margin` of another
-    /// processing, and without those in which the ends of a log show.
+    /// What the rows of each motion would be without those near turns of their joints, within
+    /// `turn_margin` of another processing, and without those in which the ends of a log show.
     pub fn calm_rows(&self, processing: &Processing) -> Vec<Vec<Row>> {
         let pairs = self.motions.iter().zip(&self.filters);
         pairs
-            .map(|(motion, filter)| settled_rows(motion, filter.as_ref(), motion.rows_between_turns(processing)))
+            .map(|(motion, filter)| {
+                settled_rows(motion, filter.as_ref(), motion.rows_between_turns(processing))
+            })
             .collect()
     }
 
@@ -77,7 +85,8 @@ impl Experiment {
             .map(|(index, (motion, filter))| {
                 Ok(Trajectory {
                     samples: motion.samples(),
-                    tau: columns.map_or_else(|| torque_of(motion), |columns| Ok(&columns.tau[index]))?,
+                    tau: columns
+                        .map_or_else(|| torque_of(motion), |columns| Ok(&columns.tau[index]))?,
                     use_as: Some(&motion.use_as),
                     filter: filter.as_ref(),
                     decimation: if filter.is_some() { self.decimation } else { 1 },
@@ -95,16 +104,30 @@ impl Experiment {
     /// - `gains`: `[n]`
     pub fn with_gains(&self, gains: &[f64]) -> Result<TermColumns, MotionError> {
         let gained = |motion: &Arc<Motion>| -> Result<Vec<f64>, MotionError> {
-            Ok(torque_of(motion)?.iter().zip(gains.iter().cycle()).map(|(tau, gain)| tau * gain).collect())
+            Ok(torque_of(motion)?
+                .iter()
+                .zip(gains.iter().cycle())
+                .map(|(tau, gain)| tau * gain)
+                .collect())
         };
         let tau = self.motions.iter().map(gained).collect::<Result<_, _>>()?;
-        Ok(TermColumns { tau, values: vec![vec![]; self.motions.len()], parameters: vec![], gains: vec![] })
+        Ok(TermColumns {
+            tau,
+            values: vec![vec![]; self.motions.len()],
+            parameters: vec![],
+            gains: vec![],
+        })
     }
 
     /// Rows of the equations per second, of each motion.
     pub fn row_rates_hz(&self) -> Vec<f64> {
-        let step = |filter: &Option<LowPass>| if filter.is_some() { self.decimation as f64 } else { 1.0 };
-        self.motions.iter().zip(&self.filters).map(|(motion, filter)| motion.rate_hz / step(filter)).collect()
+        let step =
+            |filter: &Option<LowPass>| if filter.is_some() { self.decimation as f64 } else { 1.0 };
+        self.motions
+            .iter()
+            .zip(&self.filters)
+            .map(|(motion, filter)| motion.rate_hz / step(filter))
+            .collect()
     }
 
     pub fn rates_hz(&self) -> Vec<f64> {
@@ -133,21 +156,33 @@ pub(crate) fn select_joints<'a>(
     robot: &Robot,
     recordings: &'a [Recording],
 ) -> Result<Cow<'a, [Recording]>, RecordingError> {
-    if recordings.iter().all(|recording| robot.joint_names().eq(recording.joint_names().iter().map(String::as_str))) {
+    if recordings
+        .iter()
+        .all(|recording| robot.joint_names().eq(recording.joint_names().iter().map(String::as_str)))
+    {
         return Ok(Cow::Borrowed(recordings));
     }
     let names: Vec<String> = robot.joint_names().map(String::from).collect();
-    recordings.iter().map(|recording| recording.of_robot(&names)).collect::<Result<_, _>>().map(Cow::Owned)
+    recordings
+        .iter()
+        .map(|recording| recording.of_robot(&names))
+        .collect::<Result<_, _>>()
+        .map(Cow::Owned)
 }
 
-/// Zeros in the place of a torque would be believed more than any measurement, as they have no noise.
+/// Zeros in the place of a torque would be believed more than any measurement, as they have no
+/// noise.
 pub(super) fn require_torque(robot: &Robot, recordings: &[Recording]) -> Result<(), IdentifyError> {
     let is_zero = |log: &Recording, joint| {
-        log.torque()
-            .is_some_and(|tau| tau.iter().skip(joint).step_by(robot.dof()).all(|tau| tau.abs() < SMALLEST_TORQUE))
+        log.torque().is_some_and(|tau| {
+            tau.iter().skip(joint).step_by(robot.dof()).all(|tau| tau.abs() < SMALLEST_TORQUE)
+        })
     };
     let unmeasured = (0..robot.dof()).find(|&joint| {
-        recordings.iter().any(|log| !is_still(log, joint)) && recordings.iter().all(|log| is_zero(log, joint))
+        recordings.iter().any(|log| !is_still(log, joint))
+            && recordings.iter().all(|log| is_zero(log, joint))
     });
-    unmeasured.map_or(Ok(()), |joint| Err(IdentifyError::NoTorque { joint: robot.joints()[joint].name.clone() }))
+    unmeasured.map_or(Ok(()), |joint| {
+        Err(IdentifyError::NoTorque { joint: robot.joints()[joint].name.clone() })
+    })
 }

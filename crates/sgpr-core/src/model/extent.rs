@@ -24,12 +24,20 @@ pub struct JointExtent {
 impl JointExtent {
     /// Of each joint in some motions.
     pub(super) fn of(motions: &[Arc<Motion>], joints: usize) -> Vec<Self> {
-        let mut extents =
-            vec![Self { position: [f64::MAX, f64::MIN], speed: 0.0, acceleration: 0.0, samples: [0; 2] }; joints];
+        let mut extents = vec![
+            Self {
+                position: [f64::MAX, f64::MIN],
+                speed: 0.0,
+                acceleration: 0.0,
+                samples: [0; 2]
+            };
+            joints
+        ];
         for motion in motions {
             for (k, use_as) in motion.use_as.iter().enumerate() {
                 let extent = &mut extents[k % joints];
-                extent.position = [extent.position[0].min(motion.q[k]), extent.position[1].max(motion.q[k])];
+                extent.position =
+                    [extent.position[0].min(motion.q[k]), extent.position[1].max(motion.q[k])];
                 if *use_as == Row::Moving {
                     let speed = motion.dq[k];
                     extent.speed = extent.speed.max(speed.abs());
@@ -45,7 +53,8 @@ impl JointExtent {
 
     /// Takes in what the joint did in another log.
     pub(super) fn add(&mut self, other: &Self) {
-        self.position = [self.position[0].min(other.position[0]), self.position[1].max(other.position[1])];
+        self.position =
+            [self.position[0].min(other.position[0]), self.position[1].max(other.position[1])];
         self.speed = self.speed.max(other.speed);
         self.acceleration = self.acceleration.max(other.acceleration);
         self.samples = [0, 1].map(|way| self.samples[way] + other.samples[way]);

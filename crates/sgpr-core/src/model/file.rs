@@ -1,7 +1,9 @@
-//! One file per model: safetensors, so any reader of that format can look at the numbers, and none runs code.
+//! One file per model: safetensors, so any reader of that format can look at the numbers, and none
+//! runs code.
 //!
-//! The head of the file is JSON: format, version, robot, effects, processing, fit and history, for a person to read
-//! with `head -c 4000`. The numbers follow as little-endian `f64`, so that a model read back predicts the same bits.
+//! The head of the file is JSON: format, version, robot, effects, processing, fit and history, for
+//! a person to read with `head -c 4000`. The numbers follow as little-endian `f64`, so that a model
+//! read back predicts the same bits.
 
 use std::collections::HashMap;
 use std::io::Write;
@@ -61,8 +63,8 @@ pub enum ModelFileError {
     },
     /// Processes that do not fit into memory.
     #[error(
-        "{path}: its Gaussian processes need {needed_gb:.1} GB, {limit_gb:.1} GB may be taken: use a machine with more \
-         memory, or learn them with fewer points (`points`, `--points`)"
+        "{path}: its Gaussian processes need {needed_gb:.1} GB, {limit_gb:.1} GB may be taken: use \
+         a machine with more memory, or learn them with fewer points (`points`, `--points`)"
     )]
     Memory {
         /// File.
@@ -82,7 +84,8 @@ pub enum ModelFileError {
     },
     /// Written by a later version.
     #[error(
-        "{path}: the file has version {found}, this library reads up to {supported}: update it (pip install -U sgpr)"
+        "{path}: the file has version {found}, this library reads up to {supported}: update it \
+         (pip install -U sgpr)"
     )]
     Version {
         /// File.
@@ -103,7 +106,8 @@ impl TorqueModel {
         write(path.as_ref(), &self.to_bytes())
     }
 
-    /// Reads a model. Safe with files from strangers: nothing in them is run, sizes are checked before memory is taken.
+    /// Reads a model. Safe with files from strangers: nothing in them is run, sizes are checked
+    /// before memory is taken.
     ///
     /// # Errors
     /// If the file is no model, damaged, or of a later version.
@@ -115,7 +119,10 @@ impl TorqueModel {
     ///
     /// # Errors
     /// As [`TorqueModel::load`].
-    pub fn load_with(path: impl AsRef<Path>, effects: &[Arc<dyn Effect>]) -> Result<Self, ModelFileError> {
+    pub fn load_with(
+        path: impl AsRef<Path>,
+        effects: &[Arc<dyn Effect>],
+    ) -> Result<Self, ModelFileError> {
         let path = path.as_ref();
         Self::from_bytes_with(&read_limited(path)?, &path.display().to_string(), effects)
     }
@@ -147,14 +154,20 @@ impl TorqueModel {
         }
         let encoded: Vec<(&str, Vec<usize>, Vec<u8>)> = arrays
             .into_iter()
-            .map(|(name, shape, values)| (name, shape, values.iter().flat_map(|v| v.to_le_bytes()).collect()))
+            .map(|(name, shape, values)| {
+                (name, shape, values.iter().flat_map(|v| v.to_le_bytes()).collect())
+            })
             .collect();
         let views = encoded.iter().map(|(name, shape, bytes)| {
-            (*name, TensorView::new(Dtype::F64, shape.clone(), bytes).expect("eight bytes per number"))
+            (
+                *name,
+                TensorView::new(Dtype::F64, shape.clone(), bytes).expect("eight bytes per number"),
+            )
         });
         // One entry: the order of several would differ from run to run.
         let head = serde_json::to_string(&head).expect("plain data");
-        safetensors::serialize(views, Some(HashMap::from([(HEAD.into(), head)]))).expect("valid tensors")
+        safetensors::serialize(views, Some(HashMap::from([(HEAD.into(), head)])))
+            .expect("valid tensors")
     }
 
     /// A model from a file's content; `origin` names it in messages.
@@ -169,17 +182,38 @@ impl TorqueModel {
     ///
     /// # Errors
     /// As [`TorqueModel::load`].
-    pub fn from_bytes_with(bytes: &[u8], origin: &str, effects: &[Arc<dyn Effect>]) -> Result<Self, ModelFileError> {
-        let malformed = |message: String| ModelFileError::Malformed { path: origin.into(), message };
+    pub fn from_bytes_with(
+        bytes: &[u8],
+        origin: &str,
+        effects: &[Arc<dyn Effect>],
+    ) -> Result<Self, ModelFileError> {
+        let malformed =
+            |message: String| ModelFileError::Malformed { path: origin.into(), message };
         let (head, tensors) = open(bytes, origin, FORMAT, VERSION)?;
-        let head: ModelHead = serde_json::from_str(&head).map_err(|error| malformed(format!("its head: {error}")))?;
+        let head: ModelHead =
+            serde_json::from_str(&head).map_err(|error| malformed(format!("its head: {error}")))?;
         Self::from_head(head, &tensors, effects).map_err(malformed)
     }
 
-    fn from_head(head: ModelHead, tensors: &SafeTensors<'_>, known: &[Arc<dyn Effect>]) -> Result<Self, String> {
-        let ModelHead { robot, effects, parameter_names, provenance, processing, fit, terms, clock_start, .. } = head;
+    fn from_head(
+        head: ModelHead,
+        tensors: &SafeTensors<'_>,
+        known: &[Arc<dyn Effect>],
+    ) -> Result<Self, String> {
+        let ModelHead {
+            robot,
+            effects,
+            parameter_names,
+            provenance,
+            processing,
+            fit,
+            terms,
+            clock_start,
+            ..
+        } = head;
         let described = Described { effects, parameter_names, terms, robot };
-        let (robot, set, parameters, terms) = described.parts(known, |name, length| array(tensors, name, length))?;
+        let (robot, set, parameters, terms) =
+            described.parts(known, |name, length| array(tensors, name, length))?;
         if let Some(processing) = &processing {
             processing.check(robot.dof()).map_err(|error| format!("its processing: {error}"))?;
         }
@@ -189,14 +223,18 @@ impl TorqueModel {
         if let Some(mut fit) = fit {
             let rank = model.base.rank();
             if fit.values.len() != rank {
-                return Err(format!("{} base parameters where the robot has {rank}", fit.values.len()));
+                return Err(format!(
+                    "{} base parameters where the robot has {rank}",
+                    fit.values.len()
+                ));
             }
             check_figures(&fit, model.robot.dof())?;
             fit.standard_deviations = array(tensors, "standard_deviations", rank)?;
             fit.covariance = array(tensors, "covariance", rank * rank)?;
             // Not in files of versions that did not keep it.
             if tensors.names().contains(&WITH_TERMS) {
-                let of_terms = model.terms.iter().map(|term| term.coefficients.len() + term.constants.len());
+                let of_terms =
+                    model.terms.iter().map(|term| term.coefficients.len() + term.constants.len());
                 let width = rank + of_terms.sum::<usize>();
                 fit.covariance_with_terms = array(tensors, WITH_TERMS, width * width)?;
             }
@@ -211,18 +249,27 @@ const MOST_TIMES: f64 = 1e9;
 
 /// Figures of a fit are there for each joint, and within range.
 fn check_figures(fit: &Fit, joints: usize) -> Result<(), String> {
-    for (name, count) in [("noise", fit.noise.len()), ("rows", fit.rows.len()), ("correlation", fit.correlation.len())]
-    {
+    for (name, count) in [
+        ("noise", fit.noise.len()),
+        ("rows", fit.rows.len()),
+        ("correlation", fit.correlation.len()),
+    ] {
         if count != joints {
-            return Err(format!("its fit: {name} is of {count} joints where the robot has {joints}"));
+            return Err(format!(
+                "its fit: {name} is of {count} joints where the robot has {joints}"
+            ));
         }
     }
     let prior = fit.prior_standard_deviation.map(|value| ("prior_standard_deviation", value));
     for (name, value) in
-        [("dispersion", fit.dispersion), ("half_interval_95", fit.half_interval_95)].into_iter().chain(prior)
+        [("dispersion", fit.dispersion), ("half_interval_95", fit.half_interval_95)]
+            .into_iter()
+            .chain(prior)
     {
         if !(0.0..=MOST_TIMES).contains(&value) {
-            return Err(format!("its fit: {name} is {value}; expected a number from 0 to {MOST_TIMES:e}"));
+            return Err(format!(
+                "its fit: {name} is {value}; expected a number from 0 to {MOST_TIMES:e}"
+            ));
         }
     }
     fit.prior.map_or(Ok(()), |width| width.check()).map_err(|error| format!("its fit: {error}"))
@@ -274,7 +321,8 @@ pub(super) fn open<'a>(
 ) -> Result<(String, SafeTensors<'a>), ModelFileError> {
     let malformed = |message: String| ModelFileError::Malformed { path: origin.into(), message };
     header_and_numbers(bytes).map_err(|fault| malformed(fault.into()))?;
-    let (_, header) = SafeTensors::read_metadata(bytes).map_err(|error| malformed(error.to_string()))?;
+    let (_, header) =
+        SafeTensors::read_metadata(bytes).map_err(|error| malformed(error.to_string()))?;
     let tensors = SafeTensors::deserialize(bytes).map_err(|error| malformed(error.to_string()))?;
     let head = header.metadata().as_ref().and_then(|entries| entries.get(HEAD));
     let head = head.ok_or_else(|| malformed(format!("its head has no entry `{HEAD}`")))?;
@@ -289,7 +337,11 @@ pub(super) fn open<'a>(
     Ok((head.clone(), tensors))
 }
 
-pub(super) fn array(tensors: &SafeTensors<'_>, name: &str, length: usize) -> Result<Vec<f64>, String> {
+pub(super) fn array(
+    tensors: &SafeTensors<'_>,
+    name: &str,
+    length: usize,
+) -> Result<Vec<f64>, String> {
     let view = tensors.tensor(name).map_err(|_| format!("`{name}` is missing"))?;
     let (chunks, rest) = view.data().as_chunks::<8>();
     if view.dtype() != Dtype::F64 || chunks.len() != length || !rest.is_empty() {

@@ -1,13 +1,13 @@
-//! How much data is enough, after recording: what uncertain parameters bring to the torque of other motion, after these logs
-//! and after more of their kind.
+//! How much data is enough, after recording: what uncertain parameters bring to the torque of other
+//! motion, after these logs and after more of their kind.
 
 use std::sync::Arc;
 
 use super::held::{Held, Task};
 use crate::dynamics::Samples;
 use crate::identification::{
-    BaseParameters, Estimate, Forecast, IdentificationError, JointFactor, LONGER, ParameterSet, Row, STATES,
-    deviation_of, either_way, equations_of,
+    BaseParameters, Estimate, Forecast, IdentificationError, JointFactor, LONGER, ParameterSet,
+    Row, STATES, deviation_of, either_way, equations_of,
 };
 use crate::motion::Motion;
 use crate::robot::Robot;
@@ -55,7 +55,8 @@ pub(super) fn states_of(
     for joint in 0..n {
         let rows = |moving: bool| -> Vec<(usize, usize)> {
             let of_log = |(log, motion): (usize, &Arc<Motion>)| {
-                let used = (0..motion.len()).filter(move |k| !moving || motion.use_as[k * n + joint] == Row::Moving);
+                let used = (0..motion.len())
+                    .filter(move |k| !moving || motion.use_as[k * n + joint] == Row::Moving);
                 used.map(move |k| (log, k * n + joint)).collect::<Vec<_>>()
             };
             motions.iter().enumerate().flat_map(of_log).collect()

@@ -1,5 +1,5 @@
-//! Identification that poor logs cannot fool: what they do not determine stays with the robot file, joints that the file
-//! predicts better keep it, and sentences say which motion would free them.
+//! Identification that poor logs cannot fool: what they do not determine stays with the robot file,
+//! joints that the file predicts better keep it, and sentences say which motion would free them.
 
 use std::collections::BTreeSet;
 
@@ -10,9 +10,9 @@ use crate::dynamics::Samples;
 use crate::effects::Role;
 pub(super) use crate::identification::Held;
 use crate::identification::{
-    BaseParameters, Dispersion, Equations, Estimate, IdentificationError, JointFactor, Judgement, LeftOut, Method,
-    ParameterPrior, ParameterSet, PriorWidth, WIDTHS, equations_of, estimate, estimate_with_prior, usual_speed,
-    variances, without_negative,
+    BaseParameters, Dispersion, Equations, Estimate, IdentificationError, JointFactor, Judgement,
+    LeftOut, Method, ParameterPrior, ParameterSet, PriorWidth, WIDTHS, equations_of, estimate,
+    estimate_with_prior, usual_speed, variances, without_negative,
 };
 use crate::intervals::place_of_share;
 use crate::robot::Robot;
@@ -41,10 +41,12 @@ pub(super) struct HeldEstimate {
     pub notes: Vec<String>,
 }
 
-/// Leaves out the rows of joints that never move: whatever holds such a joint, dry friction included, is one unknown torque,
-/// which many equal rows would make certain. They still judge ([`LeftOut::judge_against_file`]).
+/// Leaves out the rows of joints that never move: whatever holds such a joint, dry friction
+/// included, is one unknown torque, which many equal rows would make certain. They still judge
+/// ([`LeftOut::judge_against_file`]).
 pub(super) fn leave_out_joints_at_rest(factors: &mut Vec<JointFactor>) {
-    let moving: Vec<usize> = factors.iter().filter(|factor| !factor.resting).map(|factor| factor.joint).collect();
+    let moving: Vec<usize> =
+        factors.iter().filter(|factor| !factor.resting).map(|factor| factor.joint).collect();
     factors.retain(|factor| moving.contains(&factor.joint));
 }
 
@@ -59,11 +61,13 @@ const WIDE: f64 = 10.0;
 /// the file leaves of a joint's.
 const FLAT_EFFECTS: f64 = 10.0;
 
-/// Times that the logs may be less sure of the torque of other motions than the robot file is wrong, before it holds them.
+/// Times that the logs may be less sure of the torque of other motions than the robot file is
+/// wrong, before it holds them.
 const CLEARLY: f64 = 2.0;
 
-/// An estimate that is at most this many times less sure of faster motions without a prior than with one that leaves them in no
-/// doubt needs none for these; a joint that is more times less sure than the median one stands out.
+/// An estimate that is at most this many times less sure of faster motions without a prior than
+/// with one that leaves them in no doubt needs none for these; a joint that is more times less sure
+/// than the median one stands out.
 const FAR: f64 = 5.0;
 
 /// How fast joints move in other motions than those of the logs, in both directions.
@@ -106,25 +110,30 @@ fn total(judged: &[Judgement]) -> f64 {
     judged.iter().map(|judgement| judgement.gain).sum()
 }
 
-/// Root mean square of the standard deviations of a joint's torque over its rows in motion, N·m (N).
+/// Root mean square of the standard deviations of a joint's torque over its rows in motion, N·m
+/// (N).
 fn deviation(covariance: &Mat<f64>, factors: &[JointFactor], joint: usize) -> f64 {
     let own = factors.iter().filter(|factor| factor.joint == joint && !factor.resting);
-    let (sum, rows) = own.fold((0.0, 0), |(sum, rows), own| (sum + variances(covariance, own), rows + own.rows));
+    let (sum, rows) =
+        own.fold((0.0, 0), |(sum, rows), own| (sum + variances(covariance, own), rows + own.rows));
     (sum / f64::max(rows as f64, 1.0)).sqrt()
 }
 
 impl Task<'_> {
-    /// Noise of each joint's rows in motion, N·m (N): of what the parameters leave of the rows that they follow and of what
-    /// they leave of parts that they do not know, the geometric mean. A row that a fit follows by a share h of it is left
-    /// 1 - h of its noise, and 1 / (1 - h) if the fit does not know it; few rows look less noisy than they are, and would
-    /// weigh the more, the more of them the parameters follow.
+    /// Noise of each joint's rows in motion, N·m (N): of what the parameters leave of the rows that
+    /// they follow and of what they leave of parts that they do not know, the geometric mean. A row
+    /// that a fit follows by a share h of it is left 1 - h of its noise, and 1 / (1 - h) if the fit
+    /// does not know it; few rows look less noisy than they are, and would weigh the more, the more
+    /// of them the parameters follow.
     ///
-    /// Source: R. D. Cook, S. Weisberg, Residuals and Influence in Regression (1982), section 2.2.1, for residuals with and
-    /// without a row.
+    /// Source: R. D. Cook, S. Weisberg, Residuals and Influence in Regression (1982), section
+    /// 2.2.1, for residuals with and without a row.
     pub fn noise(&self, held: &Held) -> Vec<f64> {
         let error = self.left_out(held).error(&held.prior);
         let pairs = self.factors.iter().zip(&held.estimate.noise);
-        let noise = |(factor, noise): (&JointFactor, &f64)| match error(factor.joint).filter(|_| !factor.resting) {
+        let noise = |(factor, noise): (&JointFactor, &f64)| match error(factor.joint)
+            .filter(|_| !factor.resting)
+        {
             Some(error) if error > *noise => (error * noise).sqrt(),
             _ => 0.0,
         };
@@ -134,11 +143,12 @@ impl Task<'_> {
     /// The estimate, and, with `keeping`, the robot file for joints that it predicts better.
     ///
     /// It is bare if the logs know the torque of other motions better than the robot file does
-    /// ([`Self::knows_more_than_file`]), of faster ones at the median joint ([`Self::doubt`]), and if the prior that makes
-    /// them most probable does not save [`LEAST_GAIN`] for certain, by one standard error, on parts that were left out: it
-    /// takes what the model lacks for noise. Nor is it bare if the doubt of one joint stands out. A wide prior takes the place
-    /// of the most probable one where that costs errors for certain. Parts of slow logs are slow: a prior that leaves faster
-    /// motions in more doubt than the file is too wide for them.
+    /// ([`Self::knows_more_than_file`]), of faster ones at the median joint ([`Self::doubt`]), and
+    /// if the prior that makes them most probable does not save [`LEAST_GAIN`] for certain, by one
+    /// standard error, on parts that were left out: it takes what the model lacks for noise. Nor is
+    /// it bare if the doubt of one joint stands out. A wide prior takes the place of the most
+    /// probable one where that costs errors for certain. Parts of slow logs are slow: a prior that
+    /// leaves faster motions in more doubt than the file is too wide for them.
     pub fn estimate(
         &self,
         method: &Method,
@@ -155,8 +165,10 @@ impl Task<'_> {
             let saves_little = saved.gain - saved.standard_error < LEAST_GAIN || saved.parts < 2;
             let wider = faer::Scale(self.dispersion(&held).as_seen.powi(2));
             let may_be_bare = saves_little && width == PriorWidth::Chosen;
-            let bare = if may_be_bare { self.bare(method, equations, &flat, correlation)? } else { None };
-            let bare = bare.filter(|bare| self.knows_more_than_file(&(wider * &bare.covariance), &flat));
+            let bare =
+                if may_be_bare { self.bare(method, equations, &flat, correlation)? } else { None };
+            let bare =
+                bare.filter(|bare| self.knows_more_than_file(&(wider * &bare.covariance), &flat));
             let doubt_at = |pace, of: &Estimate| self.doubt(&(wider * &of.covariance), &flat, pace);
             let doubt = |of: &Estimate| doubt_at(Pace::Usual, of);
             let bare = bare.filter(|bare| !doubt_at(Pace::OfFastestJoint, bare).stands_out());
@@ -164,22 +176,31 @@ impl Task<'_> {
             if doubt_of_bare.median > CLEARLY {
                 held = self.with_less_doubt(method, equations, held, correlation)?;
             }
-            let clear =
-                || doubt_of_bare.median <= CLEARLY || doubt_of_bare.median <= FAR * doubt(&held.estimate).median;
+            let clear = || {
+                doubt_of_bare.median <= CLEARLY
+                    || doubt_of_bare.median <= FAR * doubt(&held.estimate).median
+            };
             if let Some(bare) = bare.filter(|_| clear()) {
                 let (bare, refused) = without_negative(bare, flat.friction());
                 notes.extend(self.refused_note(&refused));
-                return Ok(HeldEstimate { estimate: bare, held: None, dispersion: Dispersion::NONE, notes });
+                return Ok(HeldEstimate {
+                    estimate: bare,
+                    held: None,
+                    dispersion: Dispersion::NONE,
+                    notes,
+                });
             }
             if saves_little && saved.is_worse() {
                 let wide = flat.with_relative_deviation(WIDE).with_effect_scale(1.0);
-                let wide = self.solve(method, equations, (&wide, PriorWidth::Given(WIDE)), correlation)?;
+                let wide =
+                    self.solve(method, equations, (&wide, PriorWidth::Given(WIDE)), correlation)?;
                 held = self.with_less_doubt(method, equations, wide, correlation)?;
             }
         }
         if keeping {
             let judged = self.judge(&held);
-            let worse: Vec<usize> = (0..judged.len()).filter(|joint| judged[*joint].is_worse()).collect();
+            let worse: Vec<usize> =
+                (0..judged.len()).filter(|joint| judged[*joint].is_worse()).collect();
             if !worse.is_empty() {
                 let own = |k: &usize| self.joint_of(*k).is_some_and(|joint| worse.contains(&joint));
                 let kept: Vec<usize> = (0..self.base.rank()).filter(own).collect();
@@ -208,27 +229,35 @@ impl Task<'_> {
         prior: &ParameterPrior,
         correlation: &[f64],
     ) -> Result<Option<Estimate>, IdentificationError> {
-        let factors = self.factors.iter().map(|factor| JointFactor { least_noise: 0.0, ..factor.clone() });
-        match estimate(method, equations, &factors.collect::<Vec<_>>(), prior.mean(), Some(correlation)) {
+        let factors =
+            self.factors.iter().map(|factor| JointFactor { least_noise: 0.0, ..factor.clone() });
+        match estimate(
+            method,
+            equations,
+            &factors.collect::<Vec<_>>(),
+            prior.mean(),
+            Some(correlation),
+        ) {
             Err(IdentificationError::TooFewRows { .. }) => Ok(None),
             found => found.map(Some),
         }
     }
 
-    /// Whether an estimate of this covariance predicts the torque of every joint with a standard deviation of at most
-    /// [`CLEARLY`] times what the robot file leaves of it, in poses over the whole range of the joints at speeds and accelerations
-    /// of the logs, in both directions.
+    /// Whether an estimate of this covariance predicts the torque of every joint with a standard
+    /// deviation of at most [`CLEARLY`] times what the robot file leaves of it, in poses over the
+    /// whole range of the joints at speeds and accelerations of the logs, in both directions.
     fn knows_more_than_file(&self, covariance: &Mat<f64>, prior: &ParameterPrior) -> bool {
         if (0..self.base.rank()).any(|k| !covariance[(k, k)].is_finite()) {
             return false;
         }
         let Ok(seen) = self.other_motions(Pace::OfLogs) else { return false };
-        let certain = |joint| deviation(covariance, &seen, joint) <= CLEARLY * prior.left_by_file()[joint];
+        let certain =
+            |joint| deviation(covariance, &seen, joint) <= CLEARLY * prior.left_by_file()[joint];
         (0..self.robot.dof()).all(certain)
     }
 
-    /// The estimate, or one that a narrower prior holds, the first that does not leave faster motions in doubt; if all do, the
-    /// one that does it least.
+    /// The estimate, or one that a narrower prior holds, the first that does not leave faster
+    /// motions in doubt; if all do, the one that does it least.
     fn with_less_doubt(
         &self,
         method: &Method,
@@ -237,7 +266,8 @@ impl Task<'_> {
         correlation: &[f64],
     ) -> Result<Held, IdentificationError> {
         let doubt = |held: &Held| {
-            let covariance = faer::Scale(self.dispersion(held).as_seen.powi(2)) * &held.estimate.covariance;
+            let covariance =
+                faer::Scale(self.dispersion(held).as_seen.powi(2)) * &held.estimate.covariance;
             self.doubt(&covariance, &held.prior, Pace::Usual).median
         };
         let (mut least, mut best) = (doubt(&held), held);
@@ -247,7 +277,8 @@ impl Task<'_> {
                 break;
             }
             let prior = best.prior.clone().with_relative_deviation(width);
-            let narrower = self.solve(method, equations, (&prior, PriorWidth::Given(width)), correlation)?;
+            let narrower =
+                self.solve(method, equations, (&prior, PriorWidth::Given(width)), correlation)?;
             let now = doubt(&narrower);
             if now < least {
                 (least, best) = (now, narrower);
@@ -256,13 +287,17 @@ impl Task<'_> {
         Ok(best)
     }
 
-    /// Standard deviation of the torque at a pace, of an estimate of this covariance, in what the robot file leaves there. What
-    /// the file leaves grows from the logs' motion as its uncertainty does.
+    /// Standard deviation of the torque at a pace, of an estimate of this covariance, in what the
+    /// robot file leaves there. What the file leaves grows from the logs' motion as its uncertainty
+    /// does.
     fn doubt(&self, covariance: &Mat<f64>, prior: &ParameterPrior, pace: Pace) -> Doubt {
         let Ok(fast) = self.other_motions(pace) else { return Doubt::ENDLESS };
-        let of_file = prior.clone().with_relative_deviation(1.0).with_effect_scale(1.0).covariance();
+        let of_file =
+            prior.clone().with_relative_deviation(1.0).with_effect_scale(1.0).covariance();
         let ratio = |joint| {
-            let grows = (deviation(&of_file, &fast, joint) / deviation(&of_file, self.factors, joint)).max(1.0);
+            let grows = (deviation(&of_file, &fast, joint)
+                / deviation(&of_file, self.factors, joint))
+            .max(1.0);
             let known = deviation(covariance, &fast, joint);
             if known > 0.0 { known / (prior.left_by_file()[joint] * grows) } else { 0.0 }
         };
@@ -278,14 +313,17 @@ impl Task<'_> {
         let mut random = Random::new(0);
         let mut draw = |quantity: usize| -> Vec<f64> {
             let of_joint = |[low, high]: [f64; 2], share: f64| low + share * (high - low);
-            (0..OTHER_MOTIONS * n).map(|k| of_joint(ranges[k % n][quantity], random.uniform())).collect()
+            (0..OTHER_MOTIONS * n)
+                .map(|k| of_joint(ranges[k % n][quantity], random.uniform()))
+                .collect()
         };
         let [q, dq, ddq] = [0, 1, 2].map(&mut draw);
         equations_of(self.robot, self.set, self.base, Samples { q: &q, dq: &dq, ddq: &ddq })
     }
 
-    /// Ranges of position, speed and acceleration of a joint: of position the limits, a whole turn where there are none; of
-    /// the others, in both directions, up to the largest of the logs, or to those of an oscillation of 1 rad (m) at a pace.
+    /// Ranges of position, speed and acceleration of a joint: of position the limits, a whole turn
+    /// where there are none; of the others, in both directions, up to the largest of the logs, or
+    /// to those of an oscillation of 1 rad (m) at a pace.
     fn ranges(&self, joint: usize, pace: Pace) -> [[f64; 2]; 3] {
         let JointExtent { position: seen, speed, acceleration, .. } = self.extents[joint];
         let of = &self.robot.joints()[joint];
@@ -322,21 +360,28 @@ impl Task<'_> {
     }
 
     fn left_out(&self, held: &Held) -> LeftOut<'_> {
-        let level = |part: &JointFactor| self.factor_of(part).map_or(f64::INFINITY, |index| held.levels[index]);
+        let level = |part: &JointFactor| {
+            self.factor_of(part).map_or(f64::INFINITY, |index| held.levels[index])
+        };
         LeftOut::new(self.parts, level, self.base.rank())
     }
 
     fn dispersion(&self, held: &Held) -> Dispersion {
-        let noise = |part: &JointFactor| self.factor_of(part).map_or(0.0, |index| held.estimate.noise[index]);
+        let noise = |part: &JointFactor| {
+            self.factor_of(part).map_or(0.0, |index| held.estimate.noise[index])
+        };
         self.left_out(held).dispersion(&held.prior, noise)
     }
 
     /// Of all data: the factor that a part's is a part of.
     fn factor_of(&self, part: &JointFactor) -> Option<usize> {
-        self.factors.iter().position(|factor| (factor.joint, factor.resting) == (part.joint, part.resting))
+        self.factors
+            .iter()
+            .position(|factor| (factor.joint, factor.resting) == (part.joint, part.resting))
     }
 
-    /// The joint whose link, friction or rotor a base parameter is named after; none for an effect of the whole arm.
+    /// The joint whose link, friction or rotor a base parameter is named after; none for an effect
+    /// of the whole arm.
     fn joint_of(&self, base: usize) -> Option<usize> {
         let parameter = self.base.independent()[base];
         match parameter.checked_sub(self.set.inertial()) {
@@ -351,8 +396,9 @@ impl Task<'_> {
     fn kept_notes(&self, kept: &[usize], judged: &[Judgement]) -> Vec<String> {
         let note = |&joint: &usize| {
             format!(
-                "`{}` keeps link, friction and rotor of the robot file: on parts of the logs that were left out the \
-                 identified ones leave {:.0} % more squared error. Record longer, with all joints moving both ways",
+                "`{}` keeps link, friction and rotor of the robot file: on parts of the logs that \
+                 were left out the identified ones leave {:.0} % more squared error. Record \
+                 longer, with all joints moving both ways",
                 self.robot.joints()[joint].name,
                 -100.0 * judged[joint].gain
             )
@@ -362,13 +408,15 @@ impl Task<'_> {
 
     /// Friction and rotors that the data make negative.
     fn refused_note(&self, refused: &[(usize, f64)]) -> Option<String> {
-        let of =
-            |(k, value): &(usize, f64)| format!("`{}` ({value:.3} {})", self.base.names()[*k], self.base.units()[*k]);
+        let of = |(k, value): &(usize, f64)| {
+            format!("`{}` ({value:.3} {})", self.base.names()[*k], self.base.units()[*k])
+        };
         let all: Vec<String> = refused.iter().map(of).collect();
         (!all.is_empty()).then(|| {
             format!(
-                "{} would come out negative, which no friction or rotor is: something that the model lacks imitates it. \
-                 Friction is held at zero. `sgpr diagnose` looks for what is missing",
+                "{} would come out negative, which no friction or rotor is: something that the \
+                 model lacks imitates it. Friction is held at zero. `sgpr diagnose` looks for what \
+                 is missing",
                 all.join(", ")
             )
         })
@@ -382,9 +430,14 @@ impl Task<'_> {
         }
         let names: Vec<&str> = parameters.iter().map(|&k| self.base.names()[k].as_str()).collect();
         let advice = self.all_advice(held);
-        let advice = if advice.is_empty() { String::new() } else { format!(". To free them: {}", advice.join("; ")) };
+        let advice = if advice.is_empty() {
+            String::new()
+        } else {
+            format!(". To free them: {}", advice.join("; "))
+        };
         Some(format!(
-            "the motion does not excite {} of {} base parameters enough: {}; they stay near the robot file{advice}",
+            "the motion does not excite {} of {} base parameters enough: {}; they stay near the \
+             robot file{advice}",
             names.len(),
             self.base.rank(),
             names.join(", ")
@@ -399,7 +452,8 @@ impl Task<'_> {
 
     /// The motion that would free parameters of a joint; none if none of them is held.
     fn advice(&self, joint: usize, held: &[usize]) -> Option<String> {
-        let own: Vec<usize> = held.iter().copied().filter(|k| self.joint_of(*k) == Some(joint)).collect();
+        let own: Vec<usize> =
+            held.iter().copied().filter(|k| self.joint_of(*k) == Some(joint)).collect();
         if own.is_empty() {
             return None;
         }
@@ -420,7 +474,9 @@ impl Task<'_> {
         let together: Vec<&str> = together.into_iter().collect();
         Some(match (&together[..], &alone[..]) {
             ([], alone) => format!("`{name}` must {}", alone.join(" and ")),
-            (together, []) => format!("`{name}` and the joints before it must {}", together.join(" and ")),
+            (together, []) => {
+                format!("`{name}` and the joints before it must {}", together.join(" and "))
+            }
             (together, alone) => format!(
                 "`{name}` and the joints before it must {}, `{name}` itself {}",
                 together.join(" and "),
@@ -429,14 +485,19 @@ impl Task<'_> {
         })
     }
 
-    /// Whether the joints before a joint that moves both ways have to join in to show one of its base parameters, and in what.
+    /// Whether the joints before a joint that moves both ways have to join in to show one of its
+    /// base parameters, and in what.
     fn wish(&self, base: usize) -> (bool, &'static str) {
         let parameter = self.base.independent()[base];
         match parameter.checked_sub(self.set.inertial()) {
-            None if parameter % PARAMETERS_PER_LINK < 4 => (true, "take more poses all over the range"),
+            None if parameter % PARAMETERS_PER_LINK < 4 => {
+                (true, "take more poses all over the range")
+            }
             None => (true, "accelerate more"),
             Some(effect) => match self.set.effect_columns().get(effect) {
-                Some(column) if self.set.effects()[column.effect].role() == Some(Role::RotorInertia) => {
+                Some(column)
+                    if self.set.effects()[column.effect].role() == Some(Role::RotorInertia) =>
+                {
                     (false, "accelerate more")
                 }
                 Some(_) => (false, "move slowly and fast, both ways"),

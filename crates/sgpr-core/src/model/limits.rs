@@ -1,4 +1,5 @@
-//! Logs beside the limits of the robot file: torques that the drive could not exceed, positions that the joint cannot have.
+//! Logs beside the limits of the robot file: torques that the drive could not exceed, positions
+//! that the joint cannot have.
 
 use crate::identification::Finding;
 use crate::recording::Recording;
@@ -38,7 +39,8 @@ fn outside(robot: &Robot, recordings: &[Recording], joint: usize) -> Option<Find
     let limits = found.limits.position.filter(|[low, high]| low < high)?;
     let [low, high] = limits;
     let margin = MARGIN * (high - low);
-    let positions = || recordings.iter().flat_map(|log| log.position().iter().skip(joint).step_by(robot.dof()));
+    let positions =
+        || recordings.iter().flat_map(|log| log.position().iter().skip(joint).step_by(robot.dof()));
     let share_of = |factor: f64| {
         share(positions().map(|position| {
             let position = factor * position;

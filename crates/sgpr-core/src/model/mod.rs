@@ -1,4 +1,5 @@
-//! The torque model of an arm: identified from logs, compared with others, kept in a file, used in a controller.
+//! The torque model of an arm: identified from logs, compared with others, kept in a file, used in
+//! a controller.
 
 mod compare;
 mod correlation;
@@ -29,19 +30,19 @@ pub use compare::{Comparison, InBand, JointComparison, LogResidual, compare};
 pub use error::IdentifyError;
 pub use file::ModelFileError;
 pub use identify::{
-    Controller, CutoffInfluence, IdentificationReport, IdentifyOptions, Start, Uncertainty, cutoff_influence, identify,
-    screen,
+    Controller, CutoffInfluence, IdentificationReport, IdentifyOptions, Start, Uncertainty,
+    cutoff_influence, identify, screen,
 };
 pub use payload::{identify_drive_gains, identify_payload};
 pub use record::{
-    Deviation, JointDeviation, ParameterDeviation, Record, RecordBlock, RecordDiagnosis, RecordError, RecordFinding,
-    RecordMemory, RecordOptions, RecordedError, SessionCause, SessionComparison, SessionTest, Suspect, SuspectTest,
-    choose_processing, compare_records, compare_sessions, copies_among, deviations, diagnose_records, identify_records,
-    record,
+    Deviation, JointDeviation, ParameterDeviation, Record, RecordBlock, RecordDiagnosis,
+    RecordError, RecordFinding, RecordMemory, RecordOptions, RecordedError, SessionCause,
+    SessionComparison, SessionTest, Suspect, SuspectTest, choose_processing, compare_records,
+    compare_sessions, copies_among, deviations, diagnose_records, identify_records, record,
 };
 pub use semi_parametric::{
-    Candidate, Coverage, FollowingIntervals, Inputs, JointReport, Mean, SemiParametricError, SemiParametricModel,
-    SemiParametricOptions, TorquePrediction, fit_rest, fit_semi_parametric,
+    Candidate, Coverage, FollowingIntervals, Inputs, JointReport, Mean, SemiParametricError,
+    SemiParametricModel, SemiParametricOptions, TorquePrediction, fit_rest, fit_semi_parametric,
 };
 pub(crate) use sgpr_predict::internal::{Sampler, StreamStart, TermSteps, times_of};
 pub use sgpr_predict::model::{StreamedModel, Term};

@@ -4,8 +4,8 @@ use super::experiment::{Experiment, require_torque, select_joints};
 use super::torque_model::nominal_parameters;
 use super::{IdentifyError, IdentifyOptions};
 use crate::identification::{
-    self as estimation, BaseParameters, DriveGains, Equations, GainOptions, JointFactor, ParameterSet, Payload,
-    PayloadOptions, residual_correlation,
+    self as estimation, BaseParameters, DriveGains, Equations, GainOptions, JointFactor,
+    ParameterSet, Payload, PayloadOptions, residual_correlation,
 };
 use crate::motion::Processing;
 use crate::progress::Progress;
@@ -15,7 +15,8 @@ use crate::spatial::PARAMETERS_PER_LINK;
 
 /// A payload from recordings without and with it: both at once, by weighted least squares.
 ///
-/// - `options`: effects and conditioning as for [`identify`](super::identify()); its method does not matter
+/// - `options`: effects and conditioning as for [`identify`](super::identify()); its method does
+///   not matter
 ///
 /// # Errors
 /// As [`identify`](super::identify()).
@@ -30,21 +31,30 @@ pub fn identify_payload(
     let mut pair = Pair::new(robot, unloaded, loaded, options, progress)?;
     let estimate = |pair: &Pair, correlation: Option<&[f64]>| {
         let factors = [&pair.factors[0][..], &pair.factors[1][..]];
-        estimation::identify_payload(&pair.set, &pair.base, factors, &pair.nominal, correlation, payload)
+        estimation::identify_payload(
+            &pair.set,
+            &pair.base,
+            factors,
+            &pair.nominal,
+            correlation,
+            payload,
+        )
     };
     let first = estimate(&pair, None)?;
     let ones = vec![1.0; robot.dof()];
-    let correlation = pair.correlation(robot, &first.base, &first.parameters, payload.link, &ones)?;
+    let correlation =
+        pair.correlation(robot, &first.base, &first.parameters, payload.link, &ones)?;
     Ok(estimate(&pair, Some(&correlation))?)
 }
 
 /// Gains of all drives from recordings without and with a payload of which something is known.
 ///
-/// The torques in the recordings are currents, or currents times constants that are in doubt; the gains are what to
-/// multiply them by.
+/// The torques in the recordings are currents, or currents times constants that are in doubt; the
+/// gains are what to multiply them by.
 ///
 /// # Errors
-/// As [`identify`](super::identify()), and if the payload moves a joint too little to tell its gain.
+/// As [`identify`](super::identify()), and if the payload moves a joint too little to tell its
+/// gain.
 pub fn identify_drive_gains(
     robot: &Robot,
     unloaded: &[Recording],
@@ -59,7 +69,8 @@ pub fn identify_drive_gains(
         estimation::identify_drive_gains(robot, &pair.set, &pair.base, factors, correlation, gains)
     };
     let first = estimate(&pair, None)?;
-    let correlation = pair.correlation(robot, &first.base, &first.payload, gains.link, &first.gains)?;
+    let correlation =
+        pair.correlation(robot, &first.base, &first.payload, gains.link, &first.gains)?;
     Ok(estimate(&pair, Some(&correlation))?)
 }
 
@@ -92,7 +103,9 @@ impl Pair {
             require_torque(robot, recordings)?;
             progress.step("observe", index, 2)?;
             let experiment = Experiment::new(recordings, &processing)?;
-            factors.push(Equations::new(robot, &set, &base, experiment.trajectories(&[], &[])?).factors()?);
+            factors.push(
+                Equations::new(robot, &set, &base, experiment.trajectories(&[], &[])?).factors()?,
+            );
             experiments.push(experiment);
         }
         progress.step("observe", 2, 2)?;
@@ -115,9 +128,12 @@ impl Pair {
     ) -> Result<Vec<f64>, IdentifyError> {
         let mut added = vec![0.0; self.set.len()];
         added[link * PARAMETERS_PER_LINK..][..PARAMETERS_PER_LINK].copy_from_slice(payload);
-        let loaded: Vec<f64> = base.iter().zip(self.base.combine(&added)).map(|(arm, load)| arm + load).collect();
+        let loaded: Vec<f64> =
+            base.iter().zip(self.base.combine(&added)).map(|(arm, load)| arm + load).collect();
         let mut correlation = Vec::new();
-        for ((experiment, factors), base) in self.experiments.iter().zip(&self.factors).zip([base, &loaded]) {
+        for ((experiment, factors), base) in
+            self.experiments.iter().zip(&self.factors).zip([base, &loaded])
+        {
             let columns = experiment.with_gains(gains)?;
             let trajectories = experiment.trajectories_with(&[], &[], Some(&columns))?;
             let mut equations = Equations::new(robot, &self.set, &self.base, trajectories);

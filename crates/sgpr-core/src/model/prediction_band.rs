@@ -1,7 +1,8 @@
 //! How far the torque of a model may be off because its parameters are: the delta method.
 //!
-//! The torque is linear in base parameters and linear parameters of terms; constants of terms enter by the derivative of the
-//! torque. Its variance is x' C x with the row x of all these derivatives and the covariance C of all these estimates.
+//! The torque is linear in base parameters and linear parameters of terms; constants of terms enter
+//! by the derivative of the torque. Its variance is x' C x with the row x of all these derivatives
+//! and the covariance C of all these estimates.
 
 use super::variable_projection::{gains, own_joint, take_gains, tangent};
 use super::{TorqueModel, Trajectory};
@@ -19,20 +20,24 @@ struct Derivative {
 }
 
 impl TorqueModel {
-    /// Standard deviation of the predicted torque that the uncertainty of the parameters makes, without the noise of a
-    /// single torque ([`Fit::noise`](super::Fit::noise)).
+    /// Standard deviation of the predicted torque that the uncertainty of the parameters makes,
+    /// without the noise of a single torque ([`Fit::noise`](super::Fit::noise)).
     ///
-    /// Effects that need time or a sampling rate are left out: see [`Self::standard_deviation_along`].
+    /// Effects that need time or a sampling rate are left out: see
+    /// [`Self::standard_deviation_along`].
     ///
-    /// - returns `[samples, n]`, N·m (N); infinite where a parameter enters that the data did not determine; zero for a
-    ///   model that was not identified
+    /// - returns `[samples, n]`, N·m (N); infinite where a parameter enters that the data did not
+    ///   determine; zero for a model that was not identified
     ///
     /// # Errors
     /// If a sample has a motion that no arm makes, whose torque has no square.
     ///
     /// # Panics
     /// If the arrays do not hold whole samples.
-    pub fn standard_deviation(&self, samples: Samples<'_>) -> Result<Vec<f64>, IdentificationError> {
+    pub fn standard_deviation(
+        &self,
+        samples: Samples<'_>,
+    ) -> Result<Vec<f64>, IdentificationError> {
         self.standard_deviation_along(&Trajectory::of_samples(samples))
     }
 
@@ -51,28 +56,41 @@ impl TorqueModel {
     ///
     /// # Panics
     /// If the arrays do not hold whole samples.
-    pub fn standard_deviation_along(&self, trajectory: &Trajectory<'_>) -> Result<Vec<f64>, IdentificationError> {
+    pub fn standard_deviation_along(
+        &self,
+        trajectory: &Trajectory<'_>,
+    ) -> Result<Vec<f64>, IdentificationError> {
         let n = self.robot.dof();
         let samples = trajectory.samples;
         let zeros = vec![0.0; samples.count(n) * n];
         let Some(fit) = &self.fit else { return Ok(zeros) };
         let rank = self.base.rank();
         let with_terms = &fit.covariance_with_terms;
-        let (covariance, width) =
-            if with_terms.is_empty() { (&fit.covariance, rank) } else { (with_terms, with_terms.len().isqrt()) };
+        let (covariance, width) = if with_terms.is_empty() {
+            (&fit.covariance, rank)
+        } else {
+            (with_terms, with_terms.len().isqrt())
+        };
         let gains = &gains(self)[..];
-        let derivatives = if width == rank { vec![] } else { self.derivatives_by_terms(trajectory, gains) };
+        let derivatives =
+            if width == rank { vec![] } else { self.derivatives_by_terms(trajectory, gains) };
         debug_assert_eq!(rank + derivatives.len(), width, "a derivative for every estimate");
         let mut deviations = vec![0.0; zeros.len()];
-        let rows = identification::Trajectory { gains, ..identification::Trajectory::new(samples, &zeros) };
+        let rows = identification::Trajectory {
+            gains,
+            ..identification::Trajectory::new(samples, &zeros)
+        };
         let mut equations = Equations::new(&self.robot, &self.set, &self.base, vec![rows]);
         let mut row: Vec<(usize, f64)> = Vec::with_capacity(width);
         equations.for_each(|equation| {
-            let of_terms = derivatives.iter().zip(rank..).map(|(derivative, column)| match derivative.joint {
-                None => (column, derivative.values[equation.sample * n + equation.joint]),
-                Some(joint) if joint == equation.joint => (column, derivative.values[equation.sample]),
-                Some(_) => (column, 0.0),
-            });
+            let of_terms =
+                derivatives.iter().zip(rank..).map(|(derivative, column)| match derivative.joint {
+                    None => (column, derivative.values[equation.sample * n + equation.joint]),
+                    Some(joint) if joint == equation.joint => {
+                        (column, derivative.values[equation.sample])
+                    }
+                    Some(_) => (column, 0.0),
+                });
             let of_base = equation.columns.iter().copied().zip(equation.row.iter().copied());
             row.clear();
             row.extend(of_base.chain(of_terms).filter(|(_, factor)| *factor != 0.0));

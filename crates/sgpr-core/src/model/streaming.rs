@@ -2,8 +2,8 @@
 
 use super::compare::compare_set;
 use super::{
-    Comparison, IdentifyError, Predictor, SemiParametricError, SemiParametricModel, StreamOptions, TorqueModel,
-    select_joints,
+    Comparison, IdentifyError, Predictor, SemiParametricError, SemiParametricModel, StreamOptions,
+    TorqueModel, select_joints,
 };
 use crate::dynamics::Samples;
 use crate::effects::Context;
@@ -16,15 +16,18 @@ use crate::signal::LowPass;
 /// The motion that a streamed model is given.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StreamedMotion {
-    /// The motion of the log as it is compared with a model: filtered without delay, which needs samples that come later.
+    /// The motion of the log as it is compared with a model: filtered without delay, which needs
+    /// samples that come later.
     Filtered,
-    /// The positions as logged, through the same filter in one pass and differentiated from the samples before: what a
-    /// controller knows that measures positions alone. The filter makes it late.
+    /// The positions as logged, through the same filter in one pass and differentiated from the
+    /// samples before: what a controller knows that measures positions alone. The filter makes it
+    /// late.
     Causal,
 }
 
-/// Compares what a model says one sample after the other with logs, processed as `processing` says, by default as the model
-/// was identified. Logs and figures are those of [`crate::model::compare`], and the torque is what a log would show.
+/// Compares what a model says one sample after the other with logs, processed as `processing` says,
+/// by default as the model was identified. Logs and figures are those of [`crate::model::compare`],
+/// and the torque is what a log would show.
 ///
 /// # Errors
 /// As [`crate::model::compare`]; if the model cannot be streamed.
@@ -65,7 +68,11 @@ impl SemiParametricModel {
     }
 }
 
-fn chosen(robot: &Robot, set: &LogSet, given: Option<&Processing>) -> Result<Processing, IdentifyError> {
+fn chosen(
+    robot: &Robot,
+    set: &LogSet,
+    given: Option<&Processing>,
+) -> Result<Processing, IdentifyError> {
     match given {
         Some(processing) => Ok(processing.clone()),
         None => Ok(Processing::choose(&select_joints(robot, set)?, &Default::default())?.0),
@@ -97,7 +104,8 @@ fn streamed(
         StreamedMotion::Filtered => None,
         StreamedMotion::Causal => Some(causal_motion(source, stretch, n)?),
     };
-    let [q, dq, ddq] = causal.as_ref().map_or([&stretch.q, &stretch.dq, &stretch.ddq], |own| own.each_ref());
+    let [q, dq, ddq] =
+        causal.as_ref().map_or([&stretch.q, &stretch.dq, &stretch.ddq], |own| own.each_ref());
     let temperatures = temperatures(model.robot(), stretch);
     let mut celsius = vec![0.0; n];
     let mut tau = Vec::with_capacity(q.len());
@@ -107,7 +115,11 @@ fn streamed(
             predictor.set_temperature(&celsius)?;
         }
         let row = k * n..(k + 1) * n;
-        tau.extend_from_slice(predictor.try_torque(&q[row.clone()], &dq[row.clone()], &ddq[row])?);
+        tau.extend_from_slice(predictor.try_torque(
+            &q[row.clone()],
+            &dq[row.clone()],
+            &ddq[row],
+        )?);
     }
     Ok(tau)
 }
@@ -115,17 +127,24 @@ fn streamed(
 /// The channel of each joint's temperature, if there is one for every joint.
 fn temperatures<'a>(robot: &'a Robot, stretch: &'a Motion) -> Option<Vec<&'a [f64]>> {
     let samples = Samples { q: &stretch.q, dq: &stretch.dq, ddq: &stretch.ddq };
-    let context = Context::new(robot, stretch.rate_hz, &[], samples).with_channels(&stretch.channels);
+    let context =
+        Context::new(robot, stretch.rate_hz, &[], samples).with_channels(&stretch.channels);
     (0..robot.dof()).map(|joint| context.temperature_celsius(joint)).collect()
 }
 
-/// Position, velocity and acceleration, `[samples, n]`, from the logged positions up to each sample.
-fn causal_motion(source: &StreamedLog<'_>, stretch: &Motion, n: usize) -> Result<[Vec<f64>; 3], IdentifyError> {
+/// Position, velocity and acceleration, `[samples, n]`, from the logged positions up to each
+/// sample.
+fn causal_motion(
+    source: &StreamedLog<'_>,
+    stretch: &Motion,
+    n: usize,
+) -> Result<[Vec<f64>; 3], IdentifyError> {
     let StreamedLog { log, processing, .. } = source;
     let first = stretch.time.first().copied().unwrap_or_default();
     let at = log.time().binary_search(&first).expect("a stretch is made of rows of its recording");
     let mut q = log.position()[at * n..(at + stretch.len()) * n].to_vec();
-    LowPass::butterworth(processing.order, processing.cutoff_hz, stretch.rate_hz)?.apply_forwards(&mut q, n);
+    LowPass::butterworth(processing.order, processing.cutoff_hz, stretch.rate_hz)?
+        .apply_forwards(&mut q, n);
     let (mut dq, mut ddq) = (vec![0.0; q.len()], vec![0.0; q.len()]);
     for k in 2 * n..q.len() {
         let (now, last, before) = (q[k], q[k - n], q[k - 2 * n]);

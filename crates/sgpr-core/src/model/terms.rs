@@ -11,7 +11,8 @@ use crate::effects::{Context, JointState, LinkMotion, Reach};
 use crate::motion::Motion;
 use crate::recording::{Recording, seconds};
 
-/// What depends on the measured motion alone, for models that are asked for the same motion again and again.
+/// What depends on the measured motion alone, for models that are asked for the same motion again
+/// and again.
 pub(crate) trait AlongMotion {
     /// Columns of a term, `[samples]` or `[samples, n]` each.
     fn columns(&self, term: &Term, context: &Context<'_>) -> Arc<Vec<Vec<f64>>> {
@@ -68,24 +69,27 @@ impl TorqueModel {
         seconds_since(start, stamps)
     }
 
-    /// Times of a stretch of a log on the clock of the model, s. A log that was recorded at the same stamps as one that the
-    /// model was fitted to, and is another, has a clock of its own: it is taken as one after the session.
+    /// Times of a stretch of a log on the clock of the model, s. A log that was recorded at the
+    /// same stamps as one that the model was fitted to, and is another, has a clock of its own: it
+    /// is taken as one after the session.
     pub fn time_of(&self, motion: &Motion) -> Vec<f64> {
         let times = self.session_time(&motion.time);
         match self.end_before(&motion.source, &motion.time) {
             Some(end) => {
-                let (first, start) = (times.first().copied().unwrap_or_default(), self.session_time(&[end])[0]);
+                let (first, start) =
+                    (times.first().copied().unwrap_or_default(), self.session_time(&[end])[0]);
                 times.into_iter().map(|time| time - first + start).collect()
             }
             None => times,
         }
     }
 
-    /// Of logs that effects of time take as ones after the session of the model, whatever their stamps say
-    /// ([`Self::time_of`]), a sentence for each.
+    /// Of logs that effects of time take as ones after the session of the model, whatever their
+    /// stamps say ([`Self::time_of`]), a sentence for each.
     pub fn clock_notes(&self, logs: &[Recording]) -> Vec<String> {
         // What begins and ends is over by then.
-        let lasts = |term: &&Term| term.effect.about().depends_on_time && term.times().nth(1).is_none();
+        let lasts =
+            |term: &&Term| term.effect.about().depends_on_time && term.times().nth(1).is_none();
         let of_time = self.terms.iter().filter(lasts);
         let names: BTreeSet<&str> = of_time.map(|term| term.effect.name()).collect();
         if names.is_empty() {
@@ -95,15 +99,17 @@ impl TorqueModel {
         let after = logs.iter().filter(|log| self.end_before(log.source(), log.time()).is_some());
         let note = |log: &Recording| {
             format!(
-                "{}: another log at the time stamps of those that the model was fitted to; effects that depend on time \
-                 ({names}) take it as one after them. Logs of one session need one clock",
+                "{}: another log at the time stamps of those that the model was fitted to; effects \
+                 that depend on time ({names}) take it as one after them. Logs of one session need \
+                 one clock",
                 log.source()
             )
         };
         after.map(note).collect()
     }
 
-    /// End of the session, ns, for a stretch of another log than those of the session whose stamps overlap with theirs.
+    /// End of the session, ns, for a stretch of another log than those of the session whose stamps
+    /// overlap with theirs.
     fn end_before(&self, source: &str, stamps: &[i64]) -> Option<i64> {
         let Provenance { logs, spans, .. } = &self.provenance;
         let (first, last) = (*stamps.first()?, *stamps.last()?);
@@ -127,10 +133,15 @@ impl TorqueModel {
     }
 
     /// The same with what is known of the motion.
-    pub(crate) fn predict_with(&self, trajectory: &Trajectory<'_>, known: &dyn AlongMotion) -> Vec<f64> {
+    pub(crate) fn predict_with(
+        &self,
+        trajectory: &Trajectory<'_>,
+        known: &dyn AlongMotion,
+    ) -> Vec<f64> {
         let n = self.robot.dof();
         let rigid = self.rigid_with(trajectory, known);
-        // Effects look at the torque without them. Of a long motion only the joints where some act are held twice.
+        // Effects look at the torque without them. Of a long motion only the joints where some act
+        // are held twice.
         let of_joint = |joint: usize| rigid.torque.iter().skip(joint).step_by(n).copied().collect();
         let mut with_effects: Vec<Option<Vec<f64>>> = vec![None; n];
         for term in &self.terms {
@@ -146,18 +157,29 @@ impl TorqueModel {
             for (k, joint) in joints.enumerate() {
                 let tau: &mut Vec<f64> = with_effects[joint].get_or_insert_with(|| of_joint(joint));
                 for (column, factor) in columns.iter().zip(&term.coefficients) {
-                    tau.iter_mut().zip(column[k..].iter().step_by(apart)).for_each(|(tau, c)| *tau += factor * c);
+                    tau.iter_mut()
+                        .zip(column[k..].iter().step_by(apart))
+                        .for_each(|(tau, c)| *tau += factor * c);
                 }
             }
         }
         let mut tau = rigid.torque;
-        for (joint, with) in with_effects.into_iter().enumerate().filter_map(|(joint, with)| Some((joint, with?))) {
+        for (joint, with) in
+            with_effects.into_iter().enumerate().filter_map(|(joint, with)| Some((joint, with?)))
+        {
             tau.iter_mut().skip(joint).step_by(n).zip(with).for_each(|(tau, with)| *tau = with);
         }
         for term in self.terms.iter().filter(|term| term.is_transform()) {
             for joint in 0..n {
                 let mut own: Vec<f64> = tau.iter().skip(joint).step_by(n).copied().collect();
-                term.effect.transmit(term.site, &term.constants, joint, trajectory.rate_hz, &mut own, 1);
+                term.effect.transmit(
+                    term.site,
+                    &term.constants,
+                    joint,
+                    trajectory.rate_hz,
+                    &mut own,
+                    1,
+                );
                 if let Some(limit) = term.effect.limit(term.site, &term.constants, joint) {
                     own.iter_mut().for_each(|tau| *tau = tau.clamp(-limit, limit));
                 }
@@ -167,7 +189,8 @@ impl TorqueModel {
         tau
     }
 
-    /// The rigid body after all transforms of robot and motion; deflections follow the torque without them.
+    /// The rigid body after all transforms of robot and motion; deflections follow the torque
+    /// without them.
     pub(crate) fn rigid(&self, trajectory: &Trajectory<'_>) -> Rigid {
         self.rigid_with(trajectory, &())
     }
@@ -176,17 +199,20 @@ impl TorqueModel {
     pub(crate) fn rigid_with(&self, trajectory: &Trajectory<'_>, known: &dyn AlongMotion) -> Rigid {
         let Samples { q, dq, ddq } = trajectory.samples;
         let transforms = || self.terms.iter().filter(|term| term.is_transform());
-        let robot = transforms().fold(self.dynamics.clone(), |robot, t| t.effect.robot(t.site, &t.constants, robot));
+        let robot = transforms()
+            .fold(self.dynamics.clone(), |robot, t| t.effect.robot(t.site, &t.constants, robot));
         let mut ws = BatchWorkspace::new(&robot);
         let mut rigid_torque = vec![0.0; q.len()];
         rnea_batch(&robot, &mut ws, trajectory.samples, &mut rigid_torque);
         let motion = transforms().any(|term| term.effect.moves_links()).then(|| {
             let mut links = LinkMotion { q: q.to_vec(), dq: dq.to_vec(), ddq: ddq.to_vec() };
-            let context = Context::new(&robot, trajectory.rate_hz, trajectory.time, trajectory.samples)
-                .with_rigid_torque(&rigid_torque)
-                .with_torque(&rigid_torque)
-                .with_channels(trajectory.channels);
-            transforms().for_each(|t| t.effect.link_motion(t.site, &t.constants, &context, &mut links));
+            let context =
+                Context::new(&robot, trajectory.rate_hz, trajectory.time, trajectory.samples)
+                    .with_rigid_torque(&rigid_torque)
+                    .with_torque(&rigid_torque)
+                    .with_channels(trajectory.channels);
+            transforms()
+                .for_each(|t| t.effect.link_motion(t.site, &t.constants, &context, &mut links));
             links
         });
         if let Some(links) = &motion {
@@ -194,15 +220,22 @@ impl TorqueModel {
             rnea_batch(&robot, &mut ws, samples, &mut rigid_torque);
         }
         let effects = known.effects(self, trajectory.samples);
-        let torque = rigid_torque.iter().zip(effects.iter()).map(|(rigid, effects)| rigid + effects).collect();
+        let torque = rigid_torque
+            .iter()
+            .zip(effects.iter())
+            .map(|(rigid, effects)| rigid + effects)
+            .collect();
         Rigid { robot, motion, rigid_torque, torque }
     }
 
-    /// Torque of this model's parameters on the robot and along the motion that the transforms of another make.
+    /// Torque of this model's parameters on the robot and along the motion that the transforms of
+    /// another make.
     pub(crate) fn torque_under(&self, rigid: &Rigid, trajectory: &Trajectory<'_>) -> Vec<f64> {
-        let robot = rigid.robot.clone().with_standard_parameters(&self.dynamics.standard_parameters());
+        let robot =
+            rigid.robot.clone().with_standard_parameters(&self.dynamics.standard_parameters());
         let links = rigid.motion.as_ref();
-        let motion = links.map_or(trajectory.samples, |m| Samples { q: &m.q, dq: &m.dq, ddq: &m.ddq });
+        let motion =
+            links.map_or(trajectory.samples, |m| Samples { q: &m.q, dq: &m.dq, ddq: &m.ddq });
         let mut torque = vec![0.0; motion.q.len()];
         rnea_batch(&robot, &mut BatchWorkspace::new(&robot), motion, &mut torque);
         self.add_effects(trajectory.samples, &mut torque);
@@ -224,7 +257,11 @@ impl TorqueModel {
         let n = self.robot.dof();
         for (k, tau) in torque.chunks_exact_mut(n).enumerate() {
             let row = k * n..(k + 1) * n;
-            let state = JointState { q: &samples.q[row.clone()], dq: &samples.dq[row.clone()], ddq: &samples.ddq[row] };
+            let state = JointState {
+                q: &samples.q[row.clone()],
+                dq: &samples.dq[row.clone()],
+                ddq: &samples.ddq[row],
+            };
             self.set.add_effect_torque(&self.parameters, &state, tau);
         }
     }
@@ -248,7 +285,8 @@ const NEAR_ZERO: u64 = 3_600_000_000_000;
 /// The earliest stamp, if no two logs overlap in time and all belong to one session. A clock that
 /// starts near zero starts at zero.
 pub(crate) fn common_clock(motions: &[Arc<Motion>]) -> Option<i64> {
-    let mut spans: Vec<(i64, i64)> = motions.iter().filter_map(|m| Some((*m.time.first()?, *m.time.last()?))).collect();
+    let mut spans: Vec<(i64, i64)> =
+        motions.iter().filter_map(|m| Some((*m.time.first()?, *m.time.last()?))).collect();
     spans.sort_unstable();
     let apart = spans.windows(2).all(|pair| pair[0].1 <= pair[1].0);
     let (first, last) = (spans.first()?.0, spans.last()?.1);
@@ -286,7 +324,8 @@ mod tests {
             use_as: vec![],
         };
         for (source, stamps, times) in [
-            // A log of the session, a part of one under another path, one between them and one after them.
+            // A log of the session, a part of one under another path, one between them and one
+            // after them.
             ("logs/monday.csv", [0, 10], [0.0, 10.0]),
             ("/data/logs/tuesday.csv", [22, 25], [22.0, 25.0]),
             ("logs/test.csv", [12, 18], [12.0, 18.0]),
@@ -297,19 +336,32 @@ mod tests {
         ] {
             let motion = motion(source, stamps);
             assert_eq!(model.time_of(&motion), times, "{source} {stamps:?}");
-            let log = Recording::new(source, vec!["a".into()], motion.time, vec![0.0; 2], None, None, vec![]);
+            let log = Recording::new(
+                source,
+                vec!["a".into()],
+                motion.time,
+                vec![0.0; 2],
+                None,
+                None,
+                vec![],
+            );
             let log = log.expect("two samples");
             let said = |model: &TorqueModel| model.clock_notes(std::slice::from_ref(&log));
             assert!(said(&model).is_empty(), "nothing depends on time");
             let load = by_name("payload_change").expect("in the library");
-            let with_load = model.clone().with_terms(vec![Term::new(load, Site::Arm, vec![3.0])], Some(0));
+            let with_load =
+                model.clone().with_terms(vec![Term::new(load, Site::Arm, vec![3.0])], Some(0));
             let said = said(&with_load);
             assert_eq!(said.len(), usize::from(times[0] != stamps[0] as f64), "{said:?}");
-            assert!(said.iter().all(|note| note.contains(source) && note.contains("payload_change")), "{said:?}");
+            assert!(
+                said.iter().all(|note| note.contains(source) && note.contains("payload_change")),
+                "{said:?}"
+            );
         }
     }
 
-    /// A slow log in which the torque is mostly noise of the accelerations: the elastic joint must not blow that up.
+    /// A slow log in which the torque is mostly noise of the accelerations: the elastic joint must
+    /// not blow that up.
     #[test]
     fn a_slow_log_with_noise_predicts_as_without() {
         let (robot, rate_hz, n) = (two_link(), 100.0, 2000);
@@ -325,18 +377,35 @@ mod tests {
                 noisy.push(-0.8 * w * w * sine + 0.1 * random.normal());
             }
         }
-        let elastic =
-            Term::new(by_name("joint_elasticity").expect("an effect of the library"), Site::Joint(0), vec![0.004]);
+        let elastic = Term::new(
+            by_name("joint_elasticity").expect("an effect of the library"),
+            Site::Joint(0),
+            vec![0.004],
+        );
         let model = TorqueModel::nominal(&robot).with_terms(vec![elastic], None);
         let rigid = TorqueModel::nominal(&robot);
         let change = |ddq: &[f64]| -> Vec<f64> {
-            let trajectory = Trajectory { samples: Samples { q: &q, dq: &dq, ddq }, rate_hz, time: &[], channels: &[] };
-            let [with, without] = [&model, &rigid].map(|model| model.predict_trajectory(&trajectory));
+            let trajectory = Trajectory {
+                samples: Samples { q: &q, dq: &dq, ddq },
+                rate_hz,
+                time: &[],
+                channels: &[],
+            };
+            let [with, without] =
+                [&model, &rigid].map(|model| model.predict_trajectory(&trajectory));
             with.iter().zip(without).map(|(with, without)| with - without).collect()
         };
-        let rms = |values: &[f64]| (values.iter().map(|x| x * x).sum::<f64>() / values.len() as f64).sqrt();
+        let rms = |values: &[f64]| {
+            (values.iter().map(|x| x * x).sum::<f64>() / values.len() as f64).sqrt()
+        };
         let (clean, noisy) = (change(&ddq), change(&noisy));
-        let apart: Vec<f64> = clean.iter().zip(&noisy).map(|(clean, noisy)| clean - noisy).collect();
-        assert!(rms(&clean) > 0.0 && rms(&apart) < 0.5 * rms(&clean), "{} {}", rms(&clean), rms(&apart));
+        let apart: Vec<f64> =
+            clean.iter().zip(&noisy).map(|(clean, noisy)| clean - noisy).collect();
+        assert!(
+            rms(&clean) > 0.0 && rms(&apart) < 0.5 * rms(&clean),
+            "{} {}",
+            rms(&clean),
+            rms(&apart)
+        );
     }
 }

@@ -6,8 +6,8 @@ use sgpr_predict::model::StreamedModel;
 use crate::dynamics::{BatchWorkspace, Samples, rnea_batch};
 use crate::effects::{JointState, Role, Site, UnknownEffect};
 use crate::identification::{
-    BaseParameters, Consistency, ConsistentParameters, Costs, Distance, KeptOut, LinkCertificate, ParameterSet,
-    PhysicalBounds, Price, Prior, PriorWidth, Stage,
+    BaseParameters, Consistency, ConsistentParameters, Costs, Distance, KeptOut, LinkCertificate,
+    ParameterSet, PhysicalBounds, Price, Prior, PriorWidth, Stage,
 };
 use crate::model::{Predictor, StreamError, StreamOptions};
 use crate::motion::Processing;
@@ -48,29 +48,33 @@ pub struct Fit {
     /// Their covariance, `[rank, rank]`, row-major.
     #[serde(skip)]
     pub covariance: Vec<f64>,
-    /// Covariance of the base parameters, the linear parameters of all terms and their constants, in this order,
-    /// `[width, width]`, row-major; empty without terms, and where only the base parameters have a covariance.
+    /// Covariance of the base parameters, the linear parameters of all terms and their constants,
+    /// in this order, `[width, width]`, row-major; empty without terms, and where only the base
+    /// parameters have a covariance.
     #[serde(skip)]
     pub covariance_with_terms: Vec<f64>,
     /// Standard deviation of the torque residual per joint, in the band of the fit, N·m (N).
     pub noise: Vec<f64>,
     /// Rows per joint.
     pub rows: Vec<usize>,
-    /// Per joint: rows that carry as much as one independent row, from the autocorrelation of the residual.
+    /// Per joint: rows that carry as much as one independent row, from the autocorrelation of the
+    /// residual.
     pub correlation: Vec<f64>,
-    /// By what the standard deviations are larger than noise makes them, where the robot file holds what the logs do not
-    /// determine: parts of the logs predict the others so much worse. Else one.
+    /// By what the standard deviations are larger than noise makes them, where the robot file holds
+    /// what the logs do not determine: parts of the logs predict the others so much worse. Else
+    /// one.
     #[serde(default = "one")]
     pub dispersion: f64,
-    /// Half the interval into which 95 % of the errors fall that uncertain parameters make, in their standard deviations: 1.96;
-    /// more where errors of parts of the logs that were left out have heavier tails.
+    /// Half the interval into which 95 % of the errors fall that uncertain parameters make, in
+    /// their standard deviations: 1.96; more where errors of parts of the logs that were left out
+    /// have heavier tails.
     #[serde(default = "of_normal_errors")]
     pub half_interval_95: f64,
     /// Which prior was asked for, if one was.
     #[serde(default = "chosen")]
     pub prior: Option<PriorWidth>,
-    /// Relative deviation of the bodies of the robot file, by which it holds what the logs do not determine; none if the
-    /// estimate is bare.
+    /// Relative deviation of the bodies of the robot file, by which it holds what the logs do not
+    /// determine; none if the estimate is bare.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub prior_standard_deviation: Option<f64>,
     /// cond(W); infinite where the motion does not excite a direction at all.
@@ -106,11 +110,13 @@ pub struct Certificate {
     pub links: Vec<LinkCertificate>,
     /// Limits at which the estimate lies.
     pub active: Vec<String>,
-    /// Root mean square of what consistency adds to the residual, in standard deviations of the fit.
+    /// Root mean square of what consistency adds to the residual, in standard deviations of the
+    /// fit.
     pub cost: f64,
     /// Time in the solver, s.
     pub seconds: f64,
-    /// How much larger the weighted residual is than without limits, percent; zero if that is less than noise explains.
+    /// How much larger the weighted residual is than without limits, percent; zero if that is less
+    /// than noise explains.
     #[serde(default)]
     pub residual_percent: f64,
     /// What the limits cost one by one, dearest first.
@@ -119,11 +125,12 @@ pub struct Certificate {
     /// What is left of `residual_percent` without the dearest limits.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub stages: Vec<Stage>,
-    /// Errors on parts of the logs that were kept out of the fit; none if the limits cost no more than noise explains.
+    /// Errors on parts of the logs that were kept out of the fit; none if the limits cost no more
+    /// than noise explains.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub kept_out: Option<KeptOut>,
-    /// Relative standard deviation of the robot file's values that the estimate was pulled with; not in files of versions
-    /// that did not keep it.
+    /// Relative standard deviation of the robot file's values that the estimate was pulled with;
+    /// not in files of versions that did not keep it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub prior_deviation: Option<f64>,
     /// How the distance to the robot file was measured.
@@ -164,7 +171,10 @@ impl Certificate {
     pub fn consistency(&self) -> Consistency {
         let prior = Prior::default();
         let relative_deviation = self.prior_deviation.unwrap_or(prior.relative_deviation);
-        Consistency { prior: Prior { distance: self.distance, relative_deviation }, bounds: self.bounds.clone() }
+        Consistency {
+            prior: Prior { distance: self.distance, relative_deviation },
+            bounds: self.bounds.clone(),
+        }
     }
 }
 
@@ -181,7 +191,8 @@ pub struct Provenance {
     pub spans: Vec<[i64; 2]>,
     /// What was done, in order, one sentence each.
     pub history: Vec<String>,
-    /// How its logs were read, for those who read others like them: text that the library keeps and does not look at.
+    /// How its logs were read, for those who read others like them: text that the library keeps and
+    /// does not look at.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reading: Option<String>,
 }
@@ -198,16 +209,20 @@ pub struct BaseParameter {
     pub unit: &'static str,
     /// Value in this model.
     pub value: f64,
-    /// Standard deviation; none for a model that was not identified, infinite if the motion did not determine it.
+    /// Standard deviation; none for a model that was not identified, infinite if the motion did not
+    /// determine it.
     pub standard_deviation: Option<f64>,
     /// Value that the robot file gives.
     pub nominal: f64,
 }
 
 impl TorqueModel {
-    /// The model that the robot file describes: its inertias, and its `<dynamics>` as friction where given.
+    /// The model that the robot file describes: its inertias, and its `<dynamics>` as friction
+    /// where given.
     pub fn nominal(robot: &Robot) -> Self {
-        let has = |select: fn(&crate::robot::Joint) -> f64| robot.joints().iter().any(|joint| select(joint) != 0.0);
+        let has = |select: fn(&crate::robot::Joint) -> f64| {
+            robot.joints().iter().any(|joint| select(joint) != 0.0)
+        };
         let mut effects = Vec::new();
         if has(|joint| joint.damping) {
             effects.push(with_role(Role::ViscousFriction).name().to_string());
@@ -221,7 +236,8 @@ impl TorqueModel {
         Self::from_parameters(robot.clone(), set, parameters, history)
     }
 
-    /// A model with given parameters: ten per link, then those of `effects`, in the order of [`ParameterSet`].
+    /// A model with given parameters: ten per link, then those of `effects`, in the order of
+    /// [`ParameterSet`].
     ///
     /// # Errors
     /// If there is no effect of a name.
@@ -234,13 +250,24 @@ impl TorqueModel {
         parameters: Vec<f64>,
     ) -> Result<Self, UnknownEffect> {
         let set = ParameterSet::new(robot, effects)?;
-        Ok(Self::from_parameters(robot.clone(), set, parameters, vec!["made from given parameters".into()]))
+        Ok(Self::from_parameters(
+            robot.clone(),
+            set,
+            parameters,
+            vec!["made from given parameters".into()],
+        ))
     }
 
-    pub(crate) fn from_parameters(robot: Robot, set: ParameterSet, parameters: Vec<f64>, history: Vec<String>) -> Self {
+    pub(crate) fn from_parameters(
+        robot: Robot,
+        set: ParameterSet,
+        parameters: Vec<f64>,
+        history: Vec<String>,
+    ) -> Self {
         assert_eq!(parameters.len(), set.len(), "every parameter of the set");
         let library_version = env!("CARGO_PKG_VERSION").into();
-        let provenance = Provenance { library_version, logs: vec![], spans: vec![], history, reading: None };
+        let provenance =
+            Provenance { library_version, logs: vec![], spans: vec![], history, reading: None };
         Self {
             base: BaseParameters::new(&robot, &set),
             dynamics: identified(&robot, &set, &parameters),
@@ -265,8 +292,8 @@ impl TorqueModel {
         &self.robot
     }
 
-    /// The robot with the inertias of the model, and with its viscous and Coulomb friction where it has them at every joint:
-    /// what a robot file can hold.
+    /// The robot with the inertias of the model, and with its viscous and Coulomb friction where it
+    /// has them at every joint: what a robot file can hold.
     pub fn identified_robot(&self) -> &Robot {
         &self.dynamics
     }
@@ -333,7 +360,9 @@ impl TorqueModel {
     pub fn plus(&self, error: &Self) -> Self {
         let same_robot = self.robot.joint_names().eq(error.robot.joint_names());
         assert!(same_robot, "both models are of one robot");
-        let effects = |model: &Self| model.set.effects().iter().map(|e| e.name().to_string()).collect::<Vec<_>>();
+        let effects = |model: &Self| {
+            model.set.effects().iter().map(|e| e.name().to_string()).collect::<Vec<_>>()
+        };
         let mut names = effects(self);
         names.extend(effects(error));
         let set = ParameterSet::new(&self.robot, &names).expect("effects of the models");
@@ -345,7 +374,9 @@ impl TorqueModel {
             }
         }
         let mut history = self.provenance.history.clone();
-        history.extend(error.provenance.history.iter().map(|line| format!("error model added: {line}")));
+        history.extend(
+            error.provenance.history.iter().map(|line| format!("error model added: {line}")),
+        );
         let mut model = Self::from_parameters(self.robot.clone(), set, sum, history);
         model.processing = error.processing.clone().or_else(|| self.processing.clone());
         model.provenance.logs.clone_from(&error.provenance.logs);
@@ -378,15 +409,19 @@ impl TorqueModel {
             return self.predict_trajectory(&super::Trajectory::of_samples(samples));
         }
         let mut tau = vec![0.0; samples.q.len()];
-        // Samples do not know of each other: it makes no difference to them how many threads there are.
+        // Samples do not know of each other: it makes no difference to them how many threads there
+        // are.
         crate::threads::prepare();
         let blocks = tau.par_chunks_mut(PREDICTED_AT_ONCE * n).enumerate();
         blocks.for_each_init(
             || BatchWorkspace::new(&self.dynamics),
             |ws, (block, tau)| {
                 let own = block * PREDICTED_AT_ONCE * n..block * PREDICTED_AT_ONCE * n + tau.len();
-                let samples =
-                    Samples { q: &samples.q[own.clone()], dq: &samples.dq[own.clone()], ddq: &samples.ddq[own] };
+                let samples = Samples {
+                    q: &samples.q[own.clone()],
+                    dq: &samples.dq[own.clone()],
+                    ddq: &samples.ddq[own],
+                };
                 self.predict_block(ws, samples, tau);
             },
         );
@@ -400,8 +435,11 @@ impl TorqueModel {
         if self.set.len() > self.set.inertial() {
             for (k, tau) in tau.chunks_exact_mut(n).enumerate() {
                 let row = k * n..(k + 1) * n;
-                let state =
-                    JointState { q: &samples.q[row.clone()], dq: &samples.dq[row.clone()], ddq: &samples.ddq[row] };
+                let state = JointState {
+                    q: &samples.q[row.clone()],
+                    dq: &samples.dq[row.clone()],
+                    ddq: &samples.ddq[row],
+                };
                 self.set.add_effect_torque(&self.parameters, &state, tau);
             }
         }
@@ -424,21 +462,22 @@ impl TorqueModel {
     /// The model one sample after the other.
     ///
     /// # Errors
-    /// If a rate is needed and none given, or no number above zero; if an effect cannot be streamed; if an effect to keep is
-    /// none of the model.
+    /// If a rate is needed and none given, or no number above zero; if an effect cannot be
+    /// streamed; if an effect to keep is none of the model.
     pub fn predictor(&self, options: &StreamOptions) -> Result<Predictor, StreamError> {
         StreamedModel::from(self).predictor(options)
     }
 
-    /// The model as MJCF for MuJoCo, with rotor inertia, viscous and Coulomb friction, at every joint or at one;
-    /// MJCF has no place for
-    /// other effects.
+    /// The model as MJCF for MuJoCo, with rotor inertia, viscous and Coulomb friction, at every
+    /// joint or at one; MJCF has no place for other effects.
     ///
     /// # Errors
     /// If a link is no body: identify with consistency first.
     pub fn to_mjcf(&self) -> Result<String, RobotError> {
         let mut joints = vec![JointDynamics::default(); self.robot.dof()];
-        for (column, value) in self.set.effect_columns().iter().zip(&self.parameters[self.set.inertial()..]) {
+        for (column, value) in
+            self.set.effect_columns().iter().zip(&self.parameters[self.set.inertial()..])
+        {
             let joint = &mut joints[column.joint];
             match self.set.effects()[column.effect].role() {
                 Some(Role::RotorInertia) => joint.rotor_inertia = *value,
@@ -458,32 +497,41 @@ impl TorqueModel {
         self.dynamics.to_mjcf(&joints)
     }
 
-    /// The robot as a URDF can hold the model: its inertias, and its viscous and Coulomb friction, at every joint or at one. What
-    /// the model does not have at a joint is as in the robot file.
+    /// The robot as a URDF can hold the model: its inertias, and its viscous and Coulomb friction,
+    /// at every joint or at one. What the model does not have at a joint is as in the robot file.
     pub fn robot_for_urdf(&self) -> Robot {
         let mut robot = self.dynamics.clone();
-        let everywhere = |role: Role| self.set.effects().iter().any(|effect| effect.role() == Some(role));
+        let everywhere =
+            |role: Role| self.set.effects().iter().any(|effect| effect.role() == Some(role));
         for (joint, role, value) in self.at_single_joints() {
             let joint = robot.joint_mut(joint);
             match role {
-                Role::ViscousFriction => joint.damping = value + if everywhere(role) { joint.damping } else { 0.0 },
-                Role::DryFriction => joint.friction = value + if everywhere(role) { joint.friction } else { 0.0 },
+                Role::ViscousFriction => {
+                    joint.damping = value + if everywhere(role) { joint.damping } else { 0.0 }
+                }
+                Role::DryFriction => {
+                    joint.friction = value + if everywhere(role) { joint.friction } else { 0.0 }
+                }
                 _ => {}
             }
         }
         robot
     }
 
-    /// Joint, role and value of the effects at single joints that a robot file may have a place for.
+    /// Joint, role and value of the effects at single joints that a robot file may have a place
+    /// for.
     fn at_single_joints(&self) -> impl Iterator<Item = (usize, Role, f64)> {
-        self.terms.iter().filter_map(|term| match (term.effect.role(), term.site, &term.coefficients[..]) {
-            (Some(role), Site::Joint(joint), [value]) => Some((joint, role, *value)),
-            _ => None,
+        self.terms.iter().filter_map(|term| {
+            match (term.effect.role(), term.site, &term.coefficients[..]) {
+                (Some(role), Site::Joint(joint), [value]) => Some((joint, role, *value)),
+                _ => None,
+            }
         })
     }
 }
 
-/// Parameters that the robot file gives: inertias, damping and friction; zero for what it does not know.
+/// Parameters that the robot file gives: inertias, damping and friction; zero for what it does not
+/// know.
 pub(crate) fn nominal_parameters(robot: &Robot, set: &ParameterSet) -> Vec<f64> {
     let mut parameters = robot.standard_parameters();
     debug_assert_eq!(parameters.len(), PARAMETERS_PER_LINK * robot.dof());

@@ -9,8 +9,8 @@ use sgpr_numeric::internal::Random;
 
 use super::select_joints;
 
-/// Robot files, friction and inertia make torques differ from those of gravity by a factor of ten, a wrong unit by a thousand:
-/// between them, in the geometric mean, lies the limit.
+/// Robot files, friction and inertia make torques differ from those of gravity by a factor of ten,
+/// a wrong unit by a thousand: between them, in the geometric mean, lies the limit.
 const LIMIT: f64 = 100.0;
 
 /// Joints that bear at least this share of the largest weight are looked at.
@@ -22,10 +22,12 @@ const SAMPLES: usize = 1000;
 /// Poses of the arm that tell what it usually bears.
 const POSES: usize = 100;
 
-/// Says so if the torques of a log are a hundred times what gravity asks of the arm in the robot file, or a hundredth: then
-/// they are in another unit, or motor currents, or the masses of the file are no masses.
+/// Says so if the torques of a log are a hundred times what gravity asks of the arm in the robot
+/// file, or a hundredth: then they are in another unit, or motor currents, or the masses of the
+/// file are no masses.
 ///
-/// Nothing is said of a log without torque, of an arm without weight, and where [`IssueKind::TorqueScale`] is accepted.
+/// Nothing is said of a log without torque, of an arm without weight, and where
+/// [`IssueKind::TorqueScale`] is accepted.
 ///
 /// # Errors
 /// If the recording lacks a joint of the robot.
@@ -57,23 +59,32 @@ pub fn torque_scale(robot: &Robot, recording: &Recording) -> Result<Option<Issue
         *weight = weight.max(LOADED * LOADED * count * usual);
     }
     let largest = weight.iter().copied().fold(0.0, f64::max);
-    let loaded: Vec<usize> =
-        (0..n).filter(|&joint| weight[joint] > 0.0 && weight[joint] >= LOADED * LOADED * largest).collect();
-    let mut factors: Vec<f64> = loaded.iter().map(|&joint| (measured[joint] / weight[joint]).sqrt()).collect();
+    let loaded: Vec<usize> = (0..n)
+        .filter(|&joint| weight[joint] > 0.0 && weight[joint] >= LOADED * LOADED * largest)
+        .collect();
+    let mut factors: Vec<f64> =
+        loaded.iter().map(|&joint| (measured[joint] / weight[joint]).sqrt()).collect();
     factors.sort_by(f64::total_cmp);
     // Of most joints: a single one in another unit is named by identification.
     let count = factors.len();
-    let usual = if count == 0 { 1.0 } else { factors[(count - 1) / 2].max(1.0) * factors[count / 2].min(1.0) };
+    let usual = if count == 0 {
+        1.0
+    } else {
+        factors[(count - 1) / 2].max(1.0) * factors[count / 2].min(1.0)
+    };
     if usual == 0.0 || (1.0 / LIMIT..LIMIT).contains(&usual) {
         return Ok(None);
     }
-    let factor =
-        (loaded.iter().map(|&j| measured[j]).sum::<f64>() / loaded.iter().map(|&j| weight[j]).sum::<f64>()).sqrt();
-    let size = if (1.0..1e6).contains(&factor) { format!("{factor:.0}") } else { format!("{factor:.2e}") };
+    let factor = (loaded.iter().map(|&j| measured[j]).sum::<f64>()
+        / loaded.iter().map(|&j| weight[j]).sum::<f64>())
+    .sqrt();
+    let size =
+        if (1.0..1e6).contains(&factor) { format!("{factor:.0}") } else { format!("{factor:.2e}") };
     let message = format!(
-        "the torques are {size} times what gravity asks of the arm in the robot file: give their unit with \
-             `units.torque` (mNm, kNm), make torques of motor currents with `torque_constants`, or correct the masses of \
-             the robot file; if all is right, confirm it (accept: torque_scale)"
+        "the torques are {size} times what gravity asks of the arm in the robot file: give their \
+         unit with `units.torque` (mNm, kNm), make torques of motor currents with \
+         `torque_constants`, or correct the masses of the robot file; if all is right, confirm it \
+         (accept: torque_scale)"
     );
     Ok(Some(Issue::of_log(IssueKind::TorqueScale, Severity::Error, loaded.len(), message)))
 }
@@ -84,12 +95,15 @@ fn usual_weight(robot: &Robot, workspace: &mut Workspace) -> Vec<f64> {
     let mut mean = vec![0.0; robot.dof()];
     for _ in 0..POSES {
         let angle = |joint: &Joint| {
-            let [low, high] = joint.limits.position.unwrap_or([-PI, PI]).map(|end| end.clamp(-PI, PI));
+            let [low, high] =
+                joint.limits.position.unwrap_or([-PI, PI]).map(|end| end.clamp(-PI, PI));
             low + (high - low) * random.uniform()
         };
         let q: Vec<f64> = robot.joints().iter().map(angle).collect();
         let gravity = gravity_torque(robot, workspace, &q);
-        mean.iter_mut().zip(gravity).for_each(|(mean, torque)| *mean += torque * torque / POSES as f64);
+        mean.iter_mut()
+            .zip(gravity)
+            .for_each(|(mean, torque)| *mean += torque * torque / POSES as f64);
     }
     mean
 }
@@ -103,10 +117,14 @@ mod tests {
     fn friction_of_an_arm_that_hangs_down_is_no_unit() {
         let names = vec!["joint_1".into(), "joint_2".into()];
         let log = |unit: f64| {
-            let position = (0..100).flat_map(|k| [-0.5 * PI + 1e-4 * f64::from(k % 7), 0.0]).collect();
-            let torque = (0..100).flat_map(|k| [0.9, 0.4].map(|x| unit * x * f64::from(1 - 2 * (k % 2)))).collect();
+            let position =
+                (0..100).flat_map(|k| [-0.5 * PI + 1e-4 * f64::from(k % 7), 0.0]).collect();
+            let torque = (0..100)
+                .flat_map(|k| [0.9, 0.4].map(|x| unit * x * f64::from(1 - 2 * (k % 2))))
+                .collect();
             let time = (0..100).map(|k| 10_000_000 * k).collect();
-            Recording::new("log", names.clone(), time, position, None, Some(torque), vec![]).expect("fits")
+            Recording::new("log", names.clone(), time, position, None, Some(torque), vec![])
+                .expect("fits")
         };
         let robot = two_link();
         assert_eq!(torque_scale(&robot, &log(1.0)).expect("joints"), None);

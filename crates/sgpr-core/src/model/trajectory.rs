@@ -8,7 +8,8 @@ use crate::motion::Motion;
 use crate::recording::Channel;
 use crate::robot::Robot;
 
-/// Evenly sampled motion with what effects may depend on beside it. Arrays are `[samples, n]`, row-major, SI.
+/// Evenly sampled motion with what effects may depend on beside it. Arrays are `[samples, n]`,
+/// row-major, SI.
 #[derive(Clone, Copy, Debug, Setters)]
 #[setters(prefix = "with_")]
 #[non_exhaustive]
@@ -17,7 +18,8 @@ pub struct Trajectory<'a> {
     pub samples: Samples<'a>,
     /// Sampling rate, Hz; NaN if it is not known: delays and elastic joints are then left out.
     pub rate_hz: f64,
-    /// Time of the model's session, `[samples]`, s; empty if it is not known: effects of time are then left out.
+    /// Time of the model's session, `[samples]`, s; empty if it is not known: effects of time are
+    /// then left out.
     pub time: &'a [f64],
     /// What else was logged.
     pub channels: &'a [Channel],
@@ -33,7 +35,12 @@ impl<'a> Trajectory<'a> {
     ///
     /// - `time`: of [`TorqueModel::time_of`](super::TorqueModel::time_of)
     pub fn of(motion: &'a Motion, time: &'a [f64]) -> Self {
-        Self { samples: motion.samples(), rate_hz: motion.rate_hz, time, channels: &motion.channels }
+        Self {
+            samples: motion.samples(),
+            rate_hz: motion.rate_hz,
+            time,
+            channels: &motion.channels,
+        }
     }
 }
 

@@ -1,13 +1,16 @@
-//! Effects that follow the whole trajectory, and constants that enter nonlinearly, beside all that is linear.
+//! Effects that follow the whole trajectory, and constants that enter nonlinearly, beside all that
+//! is linear.
 //!
-//! With the constants given, everything else is linear: base parameters and parameters of effects are solved for, and the
-//! residual that is left is a function of the constants alone. Gauss-Newton steps take it down; their columns are the
-//! derivatives of the torque by the constants, beside those of the linear parameters. Transforms, which change robot,
-//! motion or measured torque, enter as the difference that they make to the torque of the model as it stands.
+//! With the constants given, everything else is linear: base parameters and parameters of effects
+//! are solved for, and the residual that is left is a function of the constants alone. Gauss-Newton
+//! steps take it down; their columns are the derivatives of the torque by the constants, beside
+//! those of the linear parameters. Transforms, which change robot, motion or measured torque, enter
+//! as the difference that they make to the torque of the model as it stands.
 //!
-//! Source: G. H. Golub, V. Pereyra, The differentiation of pseudo-inverses and nonlinear least squares problems whose
-//! variables separate, SIAM J. Numer. Anal. 10(2) (1973); L. Kaufman, A variable projection method for solving separable
-//! nonlinear least squares problems, BIT 15 (1975), for the step.
+//! Source: G. H. Golub, V. Pereyra, The differentiation of pseudo-inverses and nonlinear least
+//! squares problems whose variables separate, SIAM J. Numer. Anal. 10(2) (1973); L. Kaufman, A
+//! variable projection method for solving separable nonlinear least squares problems, BIT 15
+//! (1975), for the step.
 
 use std::sync::Arc;
 
@@ -21,8 +24,8 @@ use super::terms::{common_clock, seconds_since};
 use super::{IdentifyError, Rigid, Term, TorqueModel, Trajectory};
 use crate::effects::{self, Constant, Effect, Entry, Reach, Scale};
 use crate::identification::{
-    BaseParameters, JointFactor, LeastSquares, Method, Observation, ParameterSet, TrajectoryColumn, stack,
-    triangular_solution,
+    BaseParameters, JointFactor, LeastSquares, Method, Observation, ParameterSet, TrajectoryColumn,
+    stack, triangular_solution,
 };
 use crate::linalg::triangle;
 use crate::motion::{Motion, MotionError, Processing};
@@ -32,11 +35,16 @@ use crate::robot::Robot;
 /// An effect, and the one joint that has it; all its sites if there is none.
 pub(super) type Placed = (Arc<dyn Effect>, Option<usize>);
 
-/// Names of effects that are columns of the present motion and at every joint, and the other effects.
-pub(super) fn split(robot: &Robot, names: &[String]) -> Result<(Vec<String>, Vec<Placed>), IdentifyError> {
+/// Names of effects that are columns of the present motion and at every joint, and the other
+/// effects.
+pub(super) fn split(
+    robot: &Robot,
+    names: &[String],
+) -> Result<(Vec<String>, Vec<Placed>), IdentifyError> {
     let (mut plain, mut others) = (Vec::new(), Vec::<Placed>::new());
     for name in names {
-        let (own, joint) = name.split_once('@').map_or((name.as_str(), None), |(own, joint)| (own, Some(joint)));
+        let (own, joint) =
+            name.split_once('@').map_or((name.as_str(), None), |(own, joint)| (own, Some(joint)));
         let effect = effects::by_name(own)?;
         if effect.entry() == Entry::Gate {
             let reason = "checks of the log find it, and it adds no torque to a model".into();
@@ -51,11 +59,18 @@ pub(super) fn split(robot: &Robot, names: &[String]) -> Result<(Vec<String>, Vec
             Some(joint) => {
                 let index = robot.joint_index(joint);
                 let sites = effect.sites(robot);
-                let found = index.filter(|_| sites.iter().any(|site| site.joint().is_some() && site.joint() == index));
-                Some(found.ok_or_else(|| IdentifyError::NoSite {
-                    effect: own.into(),
-                    joint: joint.into(),
-                    known: sites.iter().filter_map(|site| Some(robot.joints()[site.joint()?].name.clone())).collect(),
+                let found = index.filter(|_| {
+                    sites.iter().any(|site| site.joint().is_some() && site.joint() == index)
+                });
+                Some(found.ok_or_else(|| {
+                    IdentifyError::NoSite {
+                        effect: own.into(),
+                        joint: joint.into(),
+                        known: sites
+                            .iter()
+                            .filter_map(|site| Some(robot.joints()[site.joint()?].name.clone()))
+                            .collect(),
+                    }
                 })?)
             }
         };
@@ -99,7 +114,8 @@ impl Unknown {
     }
 
     fn moved(&self, value: f64, step: f64) -> f64 {
-        let moved = if self.logarithmic { value * step.exp() } else { value + self.slope(value) * step };
+        let moved =
+            if self.logarithmic { value * step.exp() } else { value + self.slope(value) * step };
         moved.clamp(self.low, self.high)
     }
 }
@@ -110,8 +126,9 @@ const MOST_STEPS: usize = 20;
 /// A step that promises less of chi-squared is not worth a solution.
 const SMALL_STEP: f64 = 0.1;
 
-/// Least share of a step that is tried, and by how much shorter it becomes after one that made chi-squared larger, or
-/// smaller by less than a tenth of what it promised: the tangents do not reach so far.
+/// Least share of a step that is tried, and by how much shorter it becomes after one that made
+/// chi-squared larger, or smaller by less than a tenth of what it promised: the tangents do not
+/// reach so far.
 const LEAST_SHARE: f64 = 0.02;
 const SHORTER: f64 = 0.35;
 const POOR: f64 = 0.1;
@@ -135,10 +152,14 @@ impl<'a> TermFit<'a> {
         let n = robot.dof();
         let motions = &experiment.motions;
         let clock = common_clock(motions).and(clock).or(common_clock(motions));
-        let times: Vec<Vec<f64>> =
-            motions.iter().map(|motion| clock.map_or(vec![], |start| seconds_since(start, &motion.time))).collect();
+        let times: Vec<Vec<f64>> = motions
+            .iter()
+            .map(|motion| clock.map_or(vec![], |start| seconds_since(start, &motion.time)))
+            .collect();
         let span = |values: &mut dyn Iterator<Item = f64>| {
-            values.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], x| [low.min(x), high.max(x)])
+            values.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], x| {
+                [low.min(x), high.max(x)]
+            })
         };
         let session = span(&mut times.iter().flatten().copied());
         let mut positions = vec![[f64::INFINITY, f64::NEG_INFINITY]; n];
@@ -175,11 +196,14 @@ impl<'a> TermFit<'a> {
         progress: &dyn Progress,
     ) -> Result<TorqueModel, IdentifyError> {
         let start = self.linear(&model)?;
-        let levels = LeastSquares::new(Method::Wls).solve(&start.factors, &start.base, &start.nominal)?.weights;
+        let levels = LeastSquares::new(Method::Wls)
+            .solve(&start.factors, &start.base, &start.nominal)?
+            .weights;
         let mut plain = model.clone();
         plain.set_parameters(self.parameters_of(&plain, &start.solution(&levels)));
-        let everywhere =
-            |effect: &dyn Effect| plain.parameter_set().effects().iter().any(|e| e.name() == effect.name());
+        let everywhere = |effect: &dyn Effect| {
+            plain.parameter_set().effects().iter().any(|e| e.name() == effect.name())
+        };
         let mut terms = model.terms().to_vec();
         for (index, (effect, joint)) in effects.iter().enumerate() {
             progress.step("start of effects", index, effects.len())?;
@@ -197,9 +221,14 @@ impl<'a> TermFit<'a> {
     }
 
     /// `model` with constants and parameters of its terms, and all other parameters, fitted.
-    pub fn fitted(&self, model: TorqueModel, progress: &dyn Progress) -> Result<TorqueModel, IdentifyError> {
+    pub fn fitted(
+        &self,
+        model: TorqueModel,
+        progress: &dyn Progress,
+    ) -> Result<TorqueModel, IdentifyError> {
         let mut model = model;
-        // Columns that follow the torque of the model, and what transforms make of it, are those of the fit before.
+        // Columns that follow the torque of the model, and what transforms make of it, are those of
+        // the fit before.
         for _ in 0..2 {
             let linear = self.linear(&model)?;
             let levels = self.levels(&linear)?;
@@ -262,32 +291,53 @@ impl<'a> TermFit<'a> {
     fn unknowns(&self, model: &TorqueModel) -> Vec<Unknown> {
         let terms = model.terms().iter().enumerate();
         let constants = terms.flat_map(|(term, own)| {
-            own.effect.constants().iter().enumerate().map(move |(index, constant)| (term, index, own, constant))
+            own.effect
+                .constants()
+                .iter()
+                .enumerate()
+                .map(move |(index, constant)| (term, index, own, constant))
         });
         constants
             .enumerate()
-            .filter(|(_, (_, _, own, constant))| !(own.is_transform() && constant.scale == Scale::Torque))
+            .filter(|(_, (_, _, own, constant))| {
+                !(own.is_transform() && constant.scale == Scale::Torque)
+            })
             .map(|(row, (term, index, own, constant))| {
-                let [low, high] = constant.bounds_in(&self.ranges[own.site.joint().unwrap_or_default()]);
-                Unknown { term, index, row, low, high, logarithmic: constant.scale == Scale::Logarithmic }
+                let [low, high] =
+                    constant.bounds_in(&self.ranges[own.site.joint().unwrap_or_default()]);
+                Unknown {
+                    term,
+                    index,
+                    row,
+                    low,
+                    high,
+                    logarithmic: constant.scale == Scale::Logarithmic,
+                }
             })
             .collect()
     }
 
-    /// Covariance of the base parameters, the linear parameters of all terms and all of their constants, in this order,
-    /// `[width, width]`. The terms of `model` take their standard deviations from it.
+    /// Covariance of the base parameters, the linear parameters of all terms and all of their
+    /// constants, in this order, `[width, width]`. The terms of `model` take their standard
+    /// deviations from it.
     ///
-    /// The constants are estimated with all linear parameters free and noise with its memory. What is linear follows them
-    /// by -R₁₁⁻¹ R₁₂, with the triangular factor of the linear columns and the tangents.
+    /// The constants are estimated with all linear parameters free and noise with its memory. What
+    /// is linear follows them by -R₁₁⁻¹ R₁₂, with the triangular factor of the linear columns and
+    /// the tangents.
     ///
     /// - `linear`: covariance of the linear parameters with the constants as they are
-    pub fn joint_covariance(&self, model: &mut TorqueModel, linear: &Mat<f64>) -> Result<Mat<f64>, IdentifyError> {
+    pub fn joint_covariance(
+        &self,
+        model: &mut TorqueModel,
+        linear: &Mat<f64>,
+    ) -> Result<Mat<f64>, IdentifyError> {
         if model.terms().is_empty() {
             return Ok(linear.clone());
         }
         let unknowns = self.unknowns(model);
         let tangents = self.linear_with_tangents(model, &unknowns)?;
-        let correlation = correlation(model, &self.experiment.motions, self.processing, &tangents.factors)?;
+        let correlation =
+            correlation(model, &self.experiment.motions, self.processing, &tangents.factors)?;
         let squares = LeastSquares { method: Method::Wls, correlation: Some(correlation) };
         let estimate = squares.solve(&tangents.factors, &tangents.base, &tangents.nominal)?;
         let first = tangents.width();
@@ -295,7 +345,8 @@ impl<'a> TermFit<'a> {
         let variance = |i: usize, j: usize| estimate.covariance[(first + i, first + j)];
         let known: Vec<usize> = (0..free.len()).filter(|&i| variance(i, i).is_finite()).collect();
         let width = first + model.terms().iter().map(|term| term.constants.len()).sum::<usize>();
-        // How all parameters and constants change with the constants that are known, on their scales.
+        // How all parameters and constants change with the constants that are known, on their
+        // scales.
         let mut change = Mat::<f64>::zeros(width, known.len());
         for (column, &own) in known.iter().enumerate() {
             let follow = tangents.following(&estimate.whitened, own);
@@ -311,9 +362,12 @@ impl<'a> TermFit<'a> {
             covariance[(first + free[own].row, first + free[own].row)] = f64::INFINITY;
         }
         let deviations = (model.base().rank()..width).map(|k| covariance[(k, k)].max(0.0).sqrt());
-        let mut deviations = deviations.map(|deviation| if deviation.is_finite() { deviation } else { 0.0 });
+        let mut deviations =
+            deviations.map(|deviation| if deviation.is_finite() { deviation } else { 0.0 });
         let mut terms = model.terms().to_vec();
-        let mut take = |all: &mut Vec<f64>| all.iter_mut().zip(&mut deviations).for_each(|(own, next)| *own = next);
+        let mut take = |all: &mut Vec<f64>| {
+            all.iter_mut().zip(&mut deviations).for_each(|(own, next)| *own = next)
+        };
         terms.iter_mut().for_each(|term| take(&mut term.coefficient_deviations));
         terms.iter_mut().for_each(|term| take(&mut term.constant_deviations));
         *model = model.clone().with_terms(terms, self.clock);
@@ -321,7 +375,12 @@ impl<'a> TermFit<'a> {
     }
 
     /// A term with the constants of the grid that explain most of what `model` leaves.
-    fn started(&self, model: &TorqueModel, term: Term, levels: &[f64]) -> Result<Term, IdentifyError> {
+    fn started(
+        &self,
+        model: &TorqueModel,
+        term: Term,
+        levels: &[f64],
+    ) -> Result<Term, IdentifyError> {
         let points = self.points(&term);
         let with = |point: &[f64]| Term::new(term.effect.clone(), term.site, point.to_vec());
         if points.len() == 1 || term.is_transform() {
@@ -330,7 +389,9 @@ impl<'a> TermFit<'a> {
         let per_point = term.effect.parameters().len().max(1);
         let mut best: (f64, &[f64]) = (f64::NEG_INFINITY, &points[0]);
         for some in points.chunks((AT_ONCE / per_point).max(1)) {
-            let trial = model.clone().with_terms(some.iter().map(|point| with(point)).collect(), self.clock);
+            let trial = model
+                .clone()
+                .with_terms(some.iter().map(|point| with(point)).collect(), self.clock);
             let linear = self.linear(&trial)?;
             for (point, gain) in some.iter().zip(linear.gains(levels, &with(&some[0]))) {
                 if gain > best.0 {
@@ -345,8 +406,10 @@ impl<'a> TermFit<'a> {
     fn points(&self, term: &Term) -> Vec<Vec<f64>> {
         let ranges = &self.ranges[term.site.joint().unwrap_or_default()];
         let constants = term.effect.constants();
-        let grids: Vec<Vec<f64>> =
-            constants.iter().map(|constant| self.grid(constant, ranges, term.is_transform())).collect();
+        let grids: Vec<Vec<f64>> = constants
+            .iter()
+            .map(|constant| self.grid(constant, ranges, term.is_transform()))
+            .collect();
         let mut points = points_of(&grids);
         // What begins and ends does so in this order.
         if constants.len() == 2 && constants.iter().all(|constant| constant.scale == Scale::Time) {
@@ -367,7 +430,11 @@ impl<'a> TermFit<'a> {
         }
     }
 
-    fn require_testable(&self, model: &TorqueModel, effect: &dyn Effect) -> Result<(), IdentifyError> {
+    fn require_testable(
+        &self,
+        model: &TorqueModel,
+        effect: &dyn Effect,
+    ) -> Result<(), IdentifyError> {
         for (index, motion) in self.experiment.motions.iter().enumerate() {
             let trajectory = Trajectory::of(motion, &self.times[index]);
             let rigid = model.rigid(&trajectory);
@@ -384,7 +451,11 @@ impl<'a> TermFit<'a> {
     }
 
     /// The same, and tangents by constants behind them.
-    fn columns_with(&self, model: &TorqueModel, unknowns: &[Unknown]) -> Result<TermColumns, MotionError> {
+    fn columns_with(
+        &self,
+        model: &TorqueModel,
+        unknowns: &[Unknown],
+    ) -> Result<TermColumns, MotionError> {
         let parameters = self.parameters(model, unknowns);
         let gains = gains(model);
         let of_motion = |(motion, times): (&Arc<Motion>, &Vec<f64>)| -> Result<(Vec<f64>, Vec<Vec<f64>>), MotionError> {
@@ -412,7 +483,8 @@ impl<'a> TermFit<'a> {
             Ok((tau, values))
         };
         let motions = self.experiment.motions.par_iter().zip(&self.times);
-        let (tau, values) = motions.map(of_motion).collect::<Result<Vec<_>, _>>()?.into_iter().unzip();
+        let (tau, values) =
+            motions.map(of_motion).collect::<Result<Vec<_>, _>>()?.into_iter().unzip();
         let mut columns = TermColumns { tau, values, parameters, gains };
         for (k, parameter) in columns.parameters.iter_mut().enumerate() {
             let (squares, count) = columns.values.iter().fold((0.0, 0), |(sum, count), values| {
@@ -443,7 +515,8 @@ impl<'a> TermFit<'a> {
         }
         for unknown in unknowns {
             let term = &model.terms()[unknown.term];
-            let name = format!("{}{}", term.prefix(robot), term.effect.constants()[unknown.index].symbol);
+            let name =
+                format!("{}{}", term.prefix(robot), term.effect.constants()[unknown.index].symbol);
             let joint = own_joint(term).filter(|_| !term.is_transform());
             all.push(TrajectoryColumn::new(name, "1", joint, 0.0));
         }
@@ -455,11 +528,16 @@ impl<'a> TermFit<'a> {
         Linear::new(model, self.experiment, self.columns(model)?, 0, vec![])
     }
 
-    fn linear_with_tangents(&self, model: &TorqueModel, unknowns: &[Unknown]) -> Result<Linear, IdentifyError> {
+    fn linear_with_tangents(
+        &self,
+        model: &TorqueModel,
+        unknowns: &[Unknown],
+    ) -> Result<Linear, IdentifyError> {
         let mut columns = self.columns_with(model, unknowns)?;
         // Constants of a term without torque change nothing.
         let first = columns.parameters.len() - unknowns.len();
-        let present: Vec<usize> = (0..unknowns.len()).filter(|k| columns.parameters[first + k].size > 0.0).collect();
+        let present: Vec<usize> =
+            (0..unknowns.len()).filter(|k| columns.parameters[first + k].size > 0.0).collect();
         let kept: Vec<usize> = (0..first).chain(present.iter().map(|k| first + k)).collect();
         columns.parameters = kept.iter().map(|&k| columns.parameters[k].clone()).collect();
         for values in &mut columns.values {
@@ -469,7 +547,9 @@ impl<'a> TermFit<'a> {
     }
 
     fn levels(&self, linear: &Linear) -> Result<Vec<f64>, IdentifyError> {
-        Ok(LeastSquares::new(Method::Wls).solve(&linear.factors, &linear.base, &linear.nominal)?.weights)
+        Ok(LeastSquares::new(Method::Wls)
+            .solve(&linear.factors, &linear.base, &linear.nominal)?
+            .weights)
     }
 
     /// All parameters of the model with these base parameters.
@@ -492,8 +572,8 @@ pub(super) fn own_joint(term: &Term) -> Option<usize> {
     (term.effect.reach() == Reach::Own).then(|| term.site.joint()).flatten()
 }
 
-/// `[n]`, how much of a torque that stands the logs show of each joint, all transforms in between; empty if they show it as
-/// it is.
+/// `[n]`, how much of a torque that stands the logs show of each joint, all transforms in between;
+/// empty if they show it as it is.
 pub(super) fn gains(model: &TorqueModel) -> Vec<f64> {
     let transforms = || model.terms().iter().filter(|term| term.is_transform());
     if transforms().next().is_none() {
@@ -502,7 +582,9 @@ pub(super) fn gains(model: &TorqueModel) -> Vec<f64> {
     let of_joint = |joint: usize| {
         let mut unit = [1.0];
         // Without a rate nothing is late.
-        transforms().for_each(|t| t.effect.transmit(t.site, &t.constants, joint, f64::INFINITY, &mut unit, 1));
+        transforms().for_each(|t| {
+            t.effect.transmit(t.site, &t.constants, joint, f64::INFINITY, &mut unit, 1)
+        });
         unit[0]
     };
     (0..model.robot().dof()).map(of_joint).collect()
@@ -515,7 +597,9 @@ pub(super) fn take_gains(gains: &[f64], joint: Option<usize>, values: &mut [f64]
     match joint {
         _ if gains.is_empty() => {}
         Some(joint) => values.iter_mut().for_each(|value| *value *= gains[joint]),
-        None => values.iter_mut().zip(gains.iter().cycle()).for_each(|(value, gain)| *value *= gain),
+        None => {
+            values.iter_mut().zip(gains.iter().cycle()).for_each(|(value, gain)| *value *= gain)
+        }
     }
 }
 
@@ -534,10 +618,18 @@ fn take_transforms_off(
     let changed = model.predict_trajectory(trajectory);
     let mut plain = model.without_terms().predict(trajectory.samples);
     take_gains(gains, None, &mut plain);
-    let parameters = model.terms().iter().flat_map(|term| term.coefficients.iter().map(move |factor| (term, factor)));
+    let parameters = model
+        .terms()
+        .iter()
+        .flat_map(|term| term.coefficients.iter().map(move |factor| (term, factor)));
     for ((term, factor), column) in parameters.zip(columns) {
         let (first, step) = own_joint(term).map_or((0, 1), |joint| (joint, gains.len()));
-        plain.iter_mut().skip(first).step_by(step).zip(column).for_each(|(tau, c)| *tau += factor * c);
+        plain
+            .iter_mut()
+            .skip(first)
+            .step_by(step)
+            .zip(column)
+            .for_each(|(tau, c)| *tau += factor * c);
     }
     for (tau, (changed, plain)) in tau.iter_mut().zip(changed.iter().zip(&plain)) {
         *tau -= changed - plain;
@@ -571,7 +663,14 @@ impl Linear {
         let mut nominal = model.parameters().to_vec();
         nominal.resize(set.len(), 0.0);
         let factors = factors(robot, &set, &base, experiment, &columns)?;
-        Ok(Self { nominal: base.combine(&nominal), base, factors, columns: count, constants, present })
+        Ok(Self {
+            nominal: base.combine(&nominal),
+            base,
+            factors,
+            columns: count,
+            constants,
+            present,
+        })
     }
 
     /// Linear unknowns without tangents.
@@ -592,7 +691,8 @@ impl Linear {
         triangular_solution(&own, &self.nominal[..width])
     }
 
-    /// Change of the linear parameters with the free constant `own`, on its scale: they go where the residual stays least.
+    /// Change of the linear parameters with the free constant `own`, on its scale: they go where
+    /// the residual stays least.
     ///
     /// - `whitened`: triangular factor of all columns
     fn following(&self, whitened: &Mat<f64>, own: usize) -> Vec<f64> {
@@ -605,14 +705,14 @@ impl Linear {
         triangular_solution(&triangle, &vec![0.0; width])
     }
 
-    /// Squared residual with constants as they are, the linear parameters with which it is least, the step for all
-    /// constants and what it promises of the residual.
+    /// Squared residual with constants as they are, the linear parameters with which it is least,
+    /// the step for all constants and what it promises of the residual.
     fn projected(&self, levels: &[f64]) -> (f64, Vec<f64>, Vec<f64>, f64) {
         let (rank, width) = (self.base.rank(), self.width());
         let whole = stack(&self.factors, rank, levels);
         let chi2: f64 = (width..=rank).map(|i| whole[(i, rank)].powi(2)).sum();
-        // Behind the linear columns: tangents and torque with all of those projected out, and one unit of each constant's
-        // scale as expected step.
+        // Behind the linear columns: tangents and torque with all of those projected out, and one
+        // unit of each constant's scale as expected step.
         let free = self.present.len();
         let damped = Mat::from_fn(2 * free + 1, free + 1, |i, j| match i.checked_sub(free + 1) {
             None => whole[(width + i, width + j)],
@@ -621,12 +721,15 @@ impl Linear {
         let damped = triangle(damped.as_ref());
         let found = triangular_solution(&damped, &vec![0.0; free]);
         let mut steps = vec![0.0; self.constants];
-        self.present.iter().zip(found).for_each(|(&index, step)| steps[index] = step.clamp(-1.0, 1.0));
+        self.present
+            .iter()
+            .zip(found)
+            .for_each(|(&index, step)| steps[index] = step.clamp(-1.0, 1.0));
         (chi2, self.leading(&whole), steps, chi2 - damped[(free, free)].powi(2))
     }
 
-    /// How much of the squared residual each of several terms explains by itself, all like `term`; nothing if the sign of
-    /// its first parameter cannot be.
+    /// How much of the squared residual each of several terms explains by itself, all like `term`;
+    /// nothing if the sign of its first parameter cannot be.
     fn gains(&self, levels: &[f64], term: &Term) -> Vec<f64> {
         let rank = self.base.rank();
         let whole = stack(&self.factors, rank, levels);
@@ -636,11 +739,18 @@ impl Linear {
         let gain = |point: usize| {
             let own = |k: usize| if k == size { rank } else { first + point * size + k };
             let rest = Mat::from_fn(rank + 1 - first, size + 1, |i, j| whole[(first + i, own(j))]);
-            let visible = (0..size).all(|k| rest.col(k).norm_l2() > 1e-6 * whole.col(own(k)).norm_l2());
+            let visible =
+                (0..size).all(|k| rest.col(k).norm_l2() > 1e-6 * whole.col(own(k)).norm_l2());
             let reduced = triangle(rest.as_ref());
             let found = triangular_solution(&reduced, &vec![0.0; size]);
-            let wrong = parameters.first().is_some_and(|parameter| parameter.non_negative && found[0] < 0.0);
-            if !visible || wrong { 0.0 } else { (0..size).map(|i| reduced[(i, size)].powi(2)).sum() }
+            let wrong = parameters
+                .first()
+                .is_some_and(|parameter| parameter.non_negative && found[0] < 0.0);
+            if !visible || wrong {
+                0.0
+            } else {
+                (0..size).map(|i| reduced[(i, size)].powi(2)).sum()
+            }
         };
         (0..self.columns / size.max(1)).map(gain).collect()
     }
@@ -661,8 +771,9 @@ pub(super) fn factors(
     Ok(observation.factors())
 }
 
-/// Derivative of the torque that the logs show by a constant, of which the term and the place in it are given: of its joint,
-/// `[samples]`, or of all for a transform or an effect that reaches them, `[samples, n]`.
+/// Derivative of the torque that the logs show by a constant, of which the term and the place in it
+/// are given: of its joint, `[samples]`, or of all for a transform or an effect that reaches them,
+/// `[samples, n]`.
 pub(super) fn tangent(
     model: &TorqueModel,
     trajectory: &Trajectory<'_>,
@@ -686,7 +797,10 @@ pub(super) fn tangent(
         if term.is_transform() {
             let mut terms = model.terms().to_vec();
             terms[index] = with(value);
-            return model.clone().with_terms(terms, model.clock_start()).predict_trajectory(trajectory);
+            return model
+                .clone()
+                .with_terms(terms, model.clock_start())
+                .predict_trajectory(trajectory);
         }
         let columns = with(value).columns(&model.context(trajectory, rigid));
         let mut sum = vec![0.0; columns.first().map_or(0, Vec::len)];

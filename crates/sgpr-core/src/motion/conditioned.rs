@@ -12,17 +12,26 @@ struct Conditioned {
     stretches: Vec<Arc<Motion>>,
 }
 
-/// The stretches of a log, processed; those found before if the log is one of a [`LogSet`](crate::recording::LogSet).
+/// The stretches of a log, processed; those found before if the log is one of a
+/// [`LogSet`](crate::recording::LogSet).
 ///
 /// # Errors
 /// As [`Motion::from_recording`].
-pub(crate) fn stretches_of(recording: &Recording, processing: &Processing) -> Result<Vec<Arc<Motion>>, MotionError> {
-    let fits = |known: &Conditioned| known.joints == recording.joint_names() && known.processing == *processing;
+pub(crate) fn stretches_of(
+    recording: &Recording,
+    processing: &Processing,
+) -> Result<Vec<Arc<Motion>>, MotionError> {
+    let fits = |known: &Conditioned| {
+        known.joints == recording.joint_names() && known.processing == *processing
+    };
     let conditioned = recording.keeping(fits, || {
         Ok::<_, MotionError>(Conditioned {
             joints: recording.joint_names().to_vec(),
             processing: processing.clone(),
-            stretches: Motion::from_recording(recording, processing)?.into_iter().map(Arc::new).collect(),
+            stretches: Motion::from_recording(recording, processing)?
+                .into_iter()
+                .map(Arc::new)
+                .collect(),
         })
     })?;
     Ok(conditioned.stretches.clone())

@@ -4,7 +4,8 @@
 pub enum MotionError {
     /// NaN or infinity.
     #[error(
-        "{recording}: the {quantity} of `{joint}` is not a number {seconds:.3} s after the start; drop or repair such samples (repair: drop_not_finite)"
+        "{recording}: the {quantity} of `{joint}` is not a number {seconds:.3} s after the start; \
+         drop or repair such samples (repair: drop_not_finite)"
     )]
     NotFinite {
         /// Recording.
@@ -17,7 +18,10 @@ pub enum MotionError {
         seconds: f64,
     },
     /// A value that no arm makes.
-    #[error("{recording}: the {quantity} of `{joint}` is {value:.3e} {seconds:.3} s after the start; {expected}")]
+    #[error(
+        "{recording}: the {quantity} of `{joint}` is {value:.3e} {seconds:.3} s after the start; \
+         {expected}"
+    )]
     Implausible {
         /// Recording.
         recording: String,
@@ -34,7 +38,8 @@ pub enum MotionError {
     },
     /// Samples that come faster or slower than those of any arm's log.
     #[error(
-        "{recording}: samples come every {period} s, where {} to {} s are possible; give the unit of the time",
+        "{recording}: samples come every {period} s, where {} to {} s are possible; give the unit \
+         of the time",
         periods[0],
         periods[1]
     )]
@@ -48,7 +53,9 @@ pub enum MotionError {
     },
     /// Time stands still or runs backwards.
     #[error(
-        "{recording}: time does not increase after sample {row}, {seconds:.3} s after the start; sort or drop such samples (repair: sort, drop_duplicates), or read the parts of a log that was restarted one by one (`rows`)"
+        "{recording}: time does not increase after sample {row}, {seconds:.3} s after the start; \
+         sort or drop such samples (repair: sort, drop_duplicates), or read the parts of a log \
+         that was restarted one by one (`rows`)"
     )]
     TimeNotIncreasing {
         /// Recording.
@@ -60,7 +67,8 @@ pub enum MotionError {
     },
     /// Steps of time that differ too much for differences.
     #[error(
-        "{recording}: samples come every {median_ms:.3} ms give or take {jitter_percent:.0} %, too irregular to differentiate; resample first (resample: {rate_hz:.0} Hz)"
+        "{recording}: samples come every {median_ms:.3} ms give or take {jitter_percent:.0} %, too \
+         irregular to differentiate; resample first (resample: {rate_hz:.0} Hz)"
     )]
     Irregular {
         /// Recording.
@@ -74,7 +82,8 @@ pub enum MotionError {
     },
     /// Shorter than the filter.
     #[error(
-        "{recording}: {seconds:.2} s are too short for this filter, which needs {needed:.2} s; record longer, or raise the cut-off"
+        "{recording}: {seconds:.2} s are too short for this filter, which needs {needed:.2} s; \
+         record longer, or raise the cut-off"
     )]
     TooShort {
         /// Recording.
@@ -96,7 +105,9 @@ pub enum MotionError {
     },
     /// A threshold of standstill that nothing exceeds.
     #[error(
-        "standstill_speed = {speed}: no joint of the logs is faster than {fastest:.3} rad/s (m/s), so all of them would count as standing; take less, or leave it to be chosen from the noise"
+        "standstill_speed = {speed}: no joint of the logs is faster than {fastest:.3} rad/s (m/s), \
+         so all of them would count as standing; take less, or leave it to be chosen from the \
+         noise"
     )]
     NothingMoves {
         /// The threshold asked for.
@@ -106,7 +117,8 @@ pub enum MotionError {
     },
     /// No torque to learn from.
     #[error(
-        "{recording}: there is no torque in this log: name its columns with `columns.torque`, and for motor currents give `torque_constants`"
+        "{recording}: there is no torque in this log: name its columns with `columns.torque`, and \
+         for motor currents give `torque_constants`"
     )]
     NoTorque {
         /// Recording.

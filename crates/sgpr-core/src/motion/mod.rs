@@ -1,7 +1,8 @@
-//! From a log to joint motion: filtered position, velocity, acceleration, and which samples can be trusted.
+//! From a log to joint motion: filtered position, velocity, acceleration, and which samples can be
+//! trusted.
 //!
-//! What is done to a log is decided once, by [`Processing::choose`] from the training logs, kept with the model, and
-//! done in the same way to every log that is compared with it.
+//! What is done to a log is decided once, by [`Processing::choose`] from the training logs, kept
+//! with the model, and done in the same way to every log that is compared with it.
 
 mod conditioned;
 #[cfg(test)]
@@ -22,7 +23,8 @@ pub use processing::{Conditioning, Processing, TorqueBand};
 use crate::dynamics::Samples;
 use crate::identification::Row;
 use crate::recording::{
-    GAP_FACTOR, Implausible, MOST_JITTER, PERIODS, Recording, SMALLEST_TORQUE, jitter, seconds, stretches,
+    GAP_FACTOR, Implausible, MOST_JITTER, PERIODS, Recording, SMALLEST_TORQUE, jitter, seconds,
+    stretches,
 };
 use crate::signal::LowPass;
 use standstill::{rows_of, separate_rests};
@@ -47,20 +49,25 @@ pub struct Motion {
     pub tau: Option<Vec<f64>>,
     /// What else was logged.
     pub channels: Vec<crate::recording::Channel>,
-    /// Whether a sample is far enough from the ends of the stretch for its derivatives to be right, `[samples]`.
+    /// Whether a sample is far enough from the ends of the stretch for its derivatives to be right,
+    /// `[samples]`.
     pub inner: Vec<bool>,
     /// What the equation of a joint at a sample is good for, `[samples, n]`.
     pub use_as: Vec<Row>,
 }
 
 impl Motion {
-    /// The stretches of a recording between its gaps, processed. Stretches shorter than the filter are left out.
+    /// The stretches of a recording between its gaps, processed. Stretches shorter than the filter
+    /// are left out.
     ///
     /// # Errors
     /// If the recording has samples that are not finite or that no arm makes, time that does not
     /// run forward or is irregular, or is shorter than the filter needs; if the processing cannot
     /// be done.
-    pub fn from_recording(recording: &Recording, processing: &Processing) -> Result<Vec<Self>, MotionError> {
+    pub fn from_recording(
+        recording: &Recording,
+        processing: &Processing,
+    ) -> Result<Vec<Self>, MotionError> {
         processing.check(recording.dof())?;
         #[cfg(test)]
         counted::count(recording.source());
@@ -97,7 +104,8 @@ impl Motion {
         let inner: Vec<bool> = (0..samples).map(|k| k >= edge && k < samples - edge).collect();
         let threshold = &processing.standstill_speed;
         let period = rate_hz / processing.cutoff_hz;
-        let mut use_as = separate_rests(&mut dq, &mut ddq, threshold, period, processing.turn_margin);
+        let mut use_as =
+            separate_rests(&mut dq, &mut ddq, threshold, period, processing.turn_margin);
         skip_ends(&mut use_as, &inner);
         Ok(Self {
             source: recording.source().into(),
@@ -116,7 +124,8 @@ impl Motion {
     /// What `use_as` would be if the motion had been processed with another `turn_margin`.
     pub(crate) fn rows_between_turns(&self, processing: &Processing) -> Vec<Row> {
         let period = self.rate_hz / processing.cutoff_hz;
-        let mut rows = rows_of(&self.dq, &processing.standstill_speed, period, processing.turn_margin);
+        let mut rows =
+            rows_of(&self.dq, &processing.standstill_speed, period, processing.turn_margin);
         skip_ends(&mut rows, &self.inner);
         rows
     }
@@ -126,9 +135,9 @@ impl Motion {
         self.time.len()
     }
 
-    /// Samples at which the filter of the equations does not show either where the log begins and ends. Derivatives are
-    /// wrong there, and that filter carries this inwards: a log that starts in full motion would seem to start with a
-    /// contact, or with outliers.
+    /// Samples at which the filter of the equations does not show either where the log begins and
+    /// ends. Derivatives are wrong there, and that filter carries this inwards: a log that starts
+    /// in full motion would seem to start with a contact, or with outliers.
     ///
     /// - `filter`: that of the equations
     pub(crate) fn settled(&self, filter: &LowPass) -> std::ops::Range<usize> {
@@ -176,7 +185,8 @@ fn uniform_rate(recording: &Recording) -> Result<f64, MotionError> {
     let time = recording.time();
     let n = recording.dof();
     let since_start = |stamp: i64| seconds(time[0], stamp);
-    let columns = [Some(("position", recording.position())), recording.torque().map(|tau| ("torque", tau))];
+    let columns =
+        [Some(("position", recording.position())), recording.torque().map(|tau| ("torque", tau))];
     for (quantity, values) in columns.into_iter().flatten() {
         if let Some(index) = values.iter().position(|value| !value.is_finite()) {
             return Err(MotionError::NotFinite {
@@ -190,7 +200,11 @@ fn uniform_rate(recording: &Recording) -> Result<f64, MotionError> {
     let steps: Vec<i64> = time.windows(2).map(|pair| pair[1].saturating_sub(pair[0])).collect();
     if let Some(index) = steps.iter().position(|step| *step <= 0) {
         let seconds = since_start(time[index]);
-        return Err(MotionError::TimeNotIncreasing { recording: source(), row: index + 1, seconds });
+        return Err(MotionError::TimeNotIncreasing {
+            recording: source(),
+            row: index + 1,
+            seconds,
+        });
     }
     let Some((median, jitter)) = jitter(&steps) else {
         return Err(MotionError::TooShort { recording: source(), seconds: 0.0, needed: 1.0 });
@@ -202,7 +216,14 @@ fn uniform_rate(recording: &Recording) -> Result<f64, MotionError> {
     if let Some(found) = recording.implausible() {
         let Implausible { quantity, joint, seconds, value, expected } = found;
         let joint = recording.joint_names()[joint].clone();
-        return Err(MotionError::Implausible { recording: source(), quantity, joint, seconds, value, expected });
+        return Err(MotionError::Implausible {
+            recording: source(),
+            quantity,
+            joint,
+            seconds,
+            value,
+            expected,
+        });
     }
     if jitter > MOST_JITTER {
         return Err(MotionError::Irregular {

@@ -11,24 +11,31 @@ pub struct PeriodAverage {
     pub periods: usize,
     /// Per joint: standard deviation of a single position sample about the mean, rad (m).
     pub position_noise: Vec<f64>,
-    /// Per joint: standard deviation of a single torque sample about the mean, N·m (N); the weights of
-    /// [`Method::WlsKnown`](crate::identification::Method::WlsKnown).
+    /// Per joint: standard deviation of a single torque sample about the mean, N·m (N); the weights
+    /// of [`Method::WlsKnown`](crate::identification::Method::WlsKnown).
     pub torque_noise: Vec<f64>,
 }
 
-/// Averages a recording of a periodic motion over its periods of `period_s` seconds, leaving out the first `skip`
-/// periods, in which the arm settles.
+/// Averages a recording of a periodic motion over its periods of `period_s` seconds, leaving out
+/// the first `skip` periods, in which the arm settles.
 ///
-/// The mean is that of the thesis's eq. 4-7. The variance, pooled over the samples of a period, is that of eq. 4-8 with
-/// K - 1 in the place of K, which is unbiased.
+/// The mean is that of the thesis's eq. 4-7. The variance, pooled over the samples of a period, is
+/// that of eq. 4-8 with K - 1 in the place of K, which is unbiased.
 ///
 /// # Errors
-/// If there is no torque, time is irregular, a period is not a whole number of samples to a tenth of one, or fewer than
-/// two periods are left.
-pub fn average_periods(recording: &Recording, period_s: f64, skip: usize) -> Result<PeriodAverage, MotionError> {
+/// If there is no torque, time is irregular, a period is not a whole number of samples to a tenth
+/// of one, or fewer than two periods are left.
+pub fn average_periods(
+    recording: &Recording,
+    period_s: f64,
+    skip: usize,
+) -> Result<PeriodAverage, MotionError> {
     let rate = uniform_rate(recording)?;
-    let fail = |message: String| MotionError::Period { recording: recording.source().into(), message };
-    let tau = recording.torque().ok_or_else(|| MotionError::NoTorque { recording: recording.source().into() })?;
+    let fail =
+        |message: String| MotionError::Period { recording: recording.source().into(), message };
+    let tau = recording
+        .torque()
+        .ok_or_else(|| MotionError::NoTorque { recording: recording.source().into() })?;
     if !(period_s > 0.0 && period_s.is_finite()) {
         return Err(fail(format!("a period of {period_s} s is none")));
     }
@@ -39,18 +46,21 @@ pub fn average_periods(recording: &Recording, period_s: f64, skip: usize) -> Res
     let drift = (exact - exact.round()).abs() * available as f64;
     if drift > 0.1 * available.max(1) as f64 {
         return Err(fail(format!(
-            "a period of {period_s} s is {exact:.2} samples at {rate:.3} Hz; resample so that it is a whole number"
+            "a period of {period_s} s is {exact:.2} samples at {rate:.3} Hz; resample so that it \
+             is a whole number"
         )));
     }
     let periods = available.saturating_sub(skip);
     if periods < 2 {
         return Err(fail(format!(
-            "{available} whole periods of {period_s} s less {skip} to settle leave {periods}: an average needs two"
+            "{available} whole periods of {period_s} s less {skip} to settle leave {periods}: an \
+             average needs two"
         )));
     }
     let n = recording.dof();
     let start = skip * length * n;
-    let average = |values: &[f64]| average(&values[start..start + periods * length * n], periods, n);
+    let average =
+        |values: &[f64]| average(&values[start..start + periods * length * n], periods, n);
     let (position, position_noise) = average(recording.position());
     let (torque, torque_noise) = average(tau);
     let velocity = recording.velocity().map(|dq| average(dq).0);

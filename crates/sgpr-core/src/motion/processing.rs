@@ -25,9 +25,10 @@ pub struct Conditioning {
     pub decimation: Option<usize>,
     /// Speed below which a joint counts as standing, rad/s (m/s); from the noise if `None`.
     pub standstill_speed: Option<f64>,
-    /// Periods of the cut-off before and after a turn or a rest of a joint in which its rows do not count; zero for none
-    /// but half a period about a rest. Dry friction jumps at a turn, and a sample stands on either side: the slower the
-    /// sampling, the more of the jump is error, which the filters spread.
+    /// Periods of the cut-off before and after a turn or a rest of a joint in which its rows do not
+    /// count; zero for none but half a period about a rest. Dry friction jumps at a turn, and a
+    /// sample stands on either side: the slower the sampling, the more of the jump is error, which
+    /// the filters spread.
     pub turn_margin: f64,
 }
 
@@ -77,7 +78,8 @@ pub struct Processing {
     pub turn_margin: f64,
 }
 
-/// Rows per second of the filtered equation, in cut-offs: at one and a half cut-offs the filter passes 4 %.
+/// Rows per second of the filtered equation, in cut-offs: at one and a half cut-offs the filter
+/// passes 4 %.
 const ROWS_PER_CUTOFF: f64 = 3.0;
 
 /// A joint stands below this many standard deviations of the noise of its speed ...
@@ -94,7 +96,8 @@ const LOWEST_CUTOFF_HZ: f64 = 1e-5;
 /// No stamp of integer nanoseconds tells more, Hz; what a log can hold is checked beside the log.
 const HIGHEST_CUTOFF_HZ: f64 = 1e9;
 
-/// Most rows of the filtered equation for one that is taken: of stamps of a nanosecond, one in a second.
+/// Most rows of the filtered equation for one that is taken: of stamps of a nanosecond, one in a
+/// second.
 const HIGHEST_DECIMATION: usize = 1_000_000_000;
 
 /// Longest window of a derivative, samples: ten seconds at a kilohertz.
@@ -111,9 +114,12 @@ impl Processing {
     /// # Errors
     /// If a number is out of its range, or a list has not one number per joint.
     pub fn check(&self, joints: usize) -> Result<(), MotionError> {
-        let wrong = |option, value: String, expected: String| Err(MotionError::Processing { option, value, expected });
+        let wrong = |option, value: String, expected: String| {
+            Err(MotionError::Processing { option, value, expected })
+        };
         let is_cutoff = |hz: f64| (LOWEST_CUTOFF_HZ..HIGHEST_CUTOFF_HZ).contains(&hz);
-        let cutoffs = [("cutoff_hz", Some(self.cutoff_hz)), ("torque_cutoff_hz", self.torque_cutoff_hz)];
+        let cutoffs =
+            [("cutoff_hz", Some(self.cutoff_hz)), ("torque_cutoff_hz", self.torque_cutoff_hz)];
         for (option, hz) in cutoffs {
             if let Some(hz) = hz.filter(|hz| !is_cutoff(*hz)) {
                 return wrong(
@@ -127,10 +133,18 @@ impl Processing {
             return wrong("order", self.order.to_string(), format!("1 to {HIGHEST_ORDER}"));
         }
         if !(1..=HIGHEST_DECIMATION).contains(&self.decimation) {
-            return wrong("decimation", self.decimation.to_string(), format!("1 to {HIGHEST_DECIMATION}"));
+            return wrong(
+                "decimation",
+                self.decimation.to_string(),
+                format!("1 to {HIGHEST_DECIMATION}"),
+            );
         }
         if !(0.0..=WIDEST_TURN_MARGIN).contains(&self.turn_margin) {
-            return wrong("turn_margin", self.turn_margin.to_string(), format!("0 to {WIDEST_TURN_MARGIN}"));
+            return wrong(
+                "turn_margin",
+                self.turn_margin.to_string(),
+                format!("0 to {WIDEST_TURN_MARGIN}"),
+            );
         }
         if self.standstill_speed.len() != joints {
             let found = self.standstill_speed.len();
@@ -140,8 +154,14 @@ impl Processing {
                 format!("one for each of {}", counted(joints, "joint")),
             );
         }
-        if let Some(speed) = self.standstill_speed.iter().find(|speed| !(**speed >= 0.0 && speed.is_finite())) {
-            return wrong("standstill_speed", speed.to_string(), "a finite number not below 0".into());
+        if let Some(speed) =
+            self.standstill_speed.iter().find(|speed| !(**speed >= 0.0 && speed.is_finite()))
+        {
+            return wrong(
+                "standstill_speed",
+                speed.to_string(),
+                "a finite number not below 0".into(),
+            );
         }
         if self.differentiation.edge() > LONGEST_WINDOW / 2 {
             let expected = format!("a window of at most {LONGEST_WINDOW} samples");
@@ -150,11 +170,12 @@ impl Processing {
         Ok(self.differentiation.check()?)
     }
 
-    /// Makes the choices that `conditioning` leaves open, from the recordings a model is fitted to, and says how the
-    /// cut-off was found.
+    /// Makes the choices that `conditioning` leaves open, from the recordings a model is fitted to,
+    /// and says how the cut-off was found.
     ///
     /// # Errors
-    /// If there is no recording, one is irregular or has samples that are not finite, or a wish cannot be met.
+    /// If there is no recording, one is irregular or has samples that are not finite, or a wish
+    /// cannot be met.
     pub fn choose(
         recordings: &[Recording],
         conditioning: &Conditioning,
@@ -169,7 +190,10 @@ impl Processing {
             choices.push(choice.clone());
             slowest = slowest.min(spectra.rate_hz);
             top_speed.resize(recording.dof(), 0.0);
-            top_speed.iter_mut().zip(&spectra.top_speed).for_each(|(top, own)| *top = top.max(*own));
+            top_speed
+                .iter_mut()
+                .zip(&spectra.top_speed)
+                .for_each(|(top, own)| *top = top.max(*own));
         }
         let Some(highest) = CutoffChoice::highest_hz(&choices) else {
             return Err(MotionError::NoRecording);
@@ -181,11 +205,15 @@ impl Processing {
             TorqueBand::Full => None,
         };
         let decimation = conditioning.decimation.unwrap_or_else(|| {
-            torque_cutoff_hz.map_or(1, |hz| (slowest / (ROWS_PER_CUTOFF * hz)).floor().max(1.0) as usize)
+            torque_cutoff_hz
+                .map_or(1, |hz| (slowest / (ROWS_PER_CUTOFF * hz)).floor().max(1.0) as usize)
         });
         let standstill = |joint: usize| {
             let noise = choices.iter().map(|choice| choice.noise[joint]).fold(0.0, f64::max);
-            let speed_noise = std::f64::consts::TAU * cutoff_hz * noise * (2.0 * cutoff_hz / (3.0 * slowest)).sqrt();
+            let speed_noise = std::f64::consts::TAU
+                * cutoff_hz
+                * noise
+                * (2.0 * cutoff_hz / (3.0 * slowest)).sqrt();
             (NOISE_MARGIN * speed_noise).max(SPEED_SHARE * top_speed[joint]).max(SLOWEST)
         };
         if let Some(speed) = conditioning.standstill_speed {
@@ -195,8 +223,8 @@ impl Processing {
                 return Err(MotionError::NothingMoves { speed, fastest });
             }
         }
-        let standstill_speed =
-            (0..top_speed.len()).map(|joint| conditioning.standstill_speed.unwrap_or_else(|| standstill(joint)));
+        let standstill_speed = (0..top_speed.len())
+            .map(|joint| conditioning.standstill_speed.unwrap_or_else(|| standstill(joint)));
         let processing = Self {
             cutoff_hz,
             order: conditioning.order,
@@ -224,16 +252,23 @@ struct Spectra {
 impl Spectra {
     fn new(recording: &Recording) -> Result<Self, MotionError> {
         let n = recording.dof();
-        let mut spectra =
-            Self { joints: recording.joint_names().to_vec(), choice: None, rate_hz: 0.0, top_speed: vec![0.0; n] };
+        let mut spectra = Self {
+            joints: recording.joint_names().to_vec(),
+            choice: None,
+            rate_hz: 0.0,
+            top_speed: vec![0.0; n],
+        };
         // The longest stretch speaks for a log.
         let stretches = stretches(recording, GAP_FACTOR);
-        let Some(longest) = stretches.max_by_key(|stretch| stretch.len()) else { return Ok(spectra) };
+        let Some(longest) = stretches.max_by_key(|stretch| stretch.len()) else {
+            return Ok(spectra);
+        };
         spectra.rate_hz = uniform_rate(&longest)?;
         spectra.choice = Some(choose_cutoff(longest.position(), n, spectra.rate_hz));
         let stride = (0.05 * spectra.rate_hz).ceil() as usize;
         for (joint, top) in spectra.top_speed.iter_mut().enumerate() {
-            let coarse: Vec<f64> = longest.position().iter().skip(joint).step_by(n * stride).copied().collect();
+            let coarse: Vec<f64> =
+                longest.position().iter().skip(joint).step_by(n * stride).copied().collect();
             let speed = |pair: &[f64]| (pair[1] - pair[0]).abs() * spectra.rate_hz / stride as f64;
             *top = coarse.windows(2).map(speed).fold(0.0, f64::max);
         }

@@ -4,10 +4,11 @@ use crate::identification::Row;
 
 /// Says of every sample whether each joint moves, and stills those that rest.
 ///
-/// A joint rests where its speed stays below `threshold` for half a period of the cut-off or longer. A reversal passes
-/// through zero speed in less time and counts as motion. While a joint rests, dry friction holds it with any torque up to
-/// the Coulomb level, and what is measured of its motion is noise, whose sign is no direction of friction: speed and
-/// acceleration are set to zero. Near the ends of a rest the filter mixes the two, and samples are skipped; with a
+/// A joint rests where its speed stays below `threshold` for half a period of the cut-off or
+/// longer. A reversal passes through zero speed in less time and counts as motion. While a joint
+/// rests, dry friction holds it with any torque up to the Coulomb level, and what is measured of
+/// its motion is noise, whose sign is no direction of friction: speed and acceleration are set to
+/// zero. Near the ends of a rest the filter mixes the two, and samples are skipped; with a
 /// `turn_margin`, near reversals, too.
 ///
 /// - `dq`, `ddq`: `[samples, n]`
@@ -31,7 +32,8 @@ pub(crate) fn separate_rests(
     rows_of(dq, threshold, period, turn_margin)
 }
 
-/// What [`separate_rests`] says of every sample of joints that it has stilled, with any margin near reversals.
+/// What [`separate_rests`] says of every sample of joints that it has stilled, with any margin near
+/// reversals.
 ///
 /// - arguments and result as there
 pub(crate) fn rows_of(dq: &[f64], threshold: &[f64], period: f64, turn_margin: f64) -> Vec<Row> {
@@ -43,7 +45,9 @@ pub(crate) fn rows_of(dq: &[f64], threshold: &[f64], period: f64, turn_margin: f
     let mut rows = vec![Row::Moving; dq.len()];
     for joint in 0..n {
         for rest in rests(dq, joint, threshold, period) {
-            for near in rest.start.saturating_sub(margin)..rest.end.saturating_add(margin).min(samples) {
+            for near in
+                rest.start.saturating_sub(margin)..rest.end.saturating_add(margin).min(samples)
+            {
                 let inside = near >= rest.start + window && near + window < rest.end;
                 rows[near * n + joint] = if inside { Row::Resting } else { Row::Skip };
             }
@@ -99,7 +103,8 @@ mod tests {
 
     #[test]
     fn rests_are_marked_and_reversals_are_not() {
-        // At 100 Hz with a cut-off of 10 Hz the window is five samples. One joint swings, the other stops for 30.
+        // At 100 Hz with a cut-off of 10 Hz the window is five samples. One joint swings, the other
+        // stops for 30.
         let mut dq: Vec<f64> = (0..200)
             .flat_map(|k| {
                 let swing = (f64::from(k) * 0.1).sin();
@@ -118,12 +123,17 @@ mod tests {
                 _ => Row::Moving,
             };
             assert_eq!(*row, expected, "{k}");
-            assert_eq!(dq[2 * k + 1] == 0.0 && ddq[2 * k + 1] == 0.0, (80..110).contains(&k), "{k}");
+            assert_eq!(
+                dq[2 * k + 1] == 0.0 && ddq[2 * k + 1] == 0.0,
+                (80..110).contains(&k),
+                "{k}"
+            );
         }
         // The swing turns between samples 31 and 32, 62 and 63, ...; eight samples are 0.8 periods.
         let rows = separate_rests(&mut dq_again, &mut ddq_again, &[0.01, 0.01], 10.0, 0.8);
         for k in 0..200 {
-            let near_turn = [32, 63, 95, 126, 158, 189].iter().any(|turn| (turn - 8..turn + 8).contains(&k));
+            let near_turn =
+                [32, 63, 95, 126, 158, 189].iter().any(|turn| (turn - 8..turn + 8).contains(&k));
             assert_eq!(rows[2 * k] == Row::Moving, !near_turn, "{k}");
             let near_rest = (72..118).contains(&k);
             assert_eq!(rows[2 * k + 1] == Row::Moving, !near_rest, "{k}");

@@ -1,7 +1,8 @@
 use super::OnlineModel;
 use crate::simulation::{Controller, FeedForward, Gains, Measurement, Setpoint};
 
-/// Feed-forward of a model that learns while it runs: u = model(q_d, dq_d, ddq_d) + Kp (q_d - q) + Kd (dq_d - dq).
+/// Feed-forward of a model that learns while it runs: u = model(q_d, dq_d, ddq_d) + Kp (q_d - q) +
+/// Kd (dq_d - dq).
 ///
 /// The torque commanded last stands for the measured one. A sample that is not finite is left out.
 #[derive(Debug)]
@@ -14,7 +15,11 @@ pub struct AdaptiveFeedForward {
 impl AdaptiveFeedForward {
     /// With a model that is updated once per call.
     pub fn new(model: OnlineModel, gains: Gains) -> Self {
-        Self { last: vec![0.0; gains.kp.len()], law: FeedForward { model, gains }, commanded: false }
+        Self {
+            last: vec![0.0; gains.kp.len()],
+            law: FeedForward { model, gains },
+            commanded: false,
+        }
     }
 
     /// The model as it is now.
@@ -26,7 +31,8 @@ impl AdaptiveFeedForward {
 impl Controller for AdaptiveFeedForward {
     fn torque(&mut self, measured: &Measurement<'_>, wanted: &Setpoint<'_>, tau: &mut [f64]) {
         if self.commanded {
-            // Refused samples leave the model as it is; the simulator says what is wrong with the arm.
+            // Refused samples leave the model as it is; the simulator says what is wrong with the
+            // arm.
             let _refused = self.law.model.update(measured.q, &self.last);
         }
         self.law.torque(measured, wanted, tau);

@@ -29,8 +29,8 @@ pub struct Setpoint<'a> {
 
 /// A control law, called once per control period.
 pub trait Controller: Send {
-    /// Torque that the drives shall make until the next call, `[n]`, N·m (N); a number that is not finite ends the
-    /// simulation.
+    /// Torque that the drives shall make until the next call, `[n]`, N·m (N); a number that is not
+    /// finite ends the simulation.
     fn torque(&mut self, measured: &Measurement<'_>, wanted: &Setpoint<'_>, tau: &mut [f64]);
 }
 
@@ -91,7 +91,8 @@ impl Gains {
     #[inline]
     fn add_feedback(&self, measured: &Measurement<'_>, wanted: &Setpoint<'_>, tau: &mut [f64]) {
         for (joint, tau) in tau.iter_mut().enumerate() {
-            let (e, de) = (wanted.q[joint] - measured.q[joint], wanted.dq[joint] - measured.dq[joint]);
+            let (e, de) =
+                (wanted.q[joint] - measured.q[joint], wanted.dq[joint] - measured.dq[joint]);
             *tau += self.kp[joint] * e + self.kd[joint] * de;
         }
     }
@@ -135,8 +136,8 @@ impl<M: InverseDynamics> Controller for FeedForward<M> {
 
 /// u = model(q, dq, ddq_d + Kp (q_d - q) + Kd (dq_d - dq)): each joint an oscillator of its own.
 ///
-/// Source: B. Siciliano, L. Sciavicco, L. Villani, G. Oriolo, Robotics: Modelling, Planning and Control (2009), section
-/// 8.5.2.
+/// Source: B. Siciliano, L. Sciavicco, L. Villani, G. Oriolo, Robotics: Modelling, Planning and
+/// Control (2009), section 8.5.2.
 #[derive(Clone, Debug)]
 pub struct ComputedTorque<M> {
     model: M,
@@ -160,15 +161,17 @@ impl<M: InverseDynamics> Controller for ComputedTorque<M> {
     }
 }
 
-/// u = model(q, dq_d, ddq_d) + K (q_d - q) + D (dq_d - dq): a spring and a damper at every joint, the arm's own inertia
-/// left as it is.
+/// u = model(q, dq_d, ddq_d) + K (q_d - q) + D (dq_d - dq): a spring and a damper at every joint,
+/// the arm's own inertia left as it is.
 ///
-/// Gravity and inertia are those of the position where the arm is. Velocities are the wanted ones: at the measured one of
-/// a joint that stands, no model knows which way friction will act, and under a soft spring the joint would stay.
+/// Gravity and inertia are those of the position where the arm is. Velocities are the wanted ones:
+/// at the measured one of a joint that stands, no model knows which way friction will act, and
+/// under a soft spring the joint would stay.
 ///
-/// Source: N. Hogan, Impedance control: an approach to manipulation, J. Dyn. Sys. Meas. Control 107 (1985); B. Paden,
-/// R. Panja, Globally asymptotically stable 'PD+' controller for robot manipulators, Int. J. Control 47 (1988), whose
-/// Coriolis forces have one measured and one wanted velocity.
+/// Source: N. Hogan, Impedance control: an approach to manipulation, J. Dyn. Sys. Meas. Control 107
+/// (1985); B. Paden, R. Panja, Globally asymptotically stable 'PD+' controller for robot
+/// manipulators, Int. J. Control 47 (1988), whose Coriolis forces have one measured and one wanted
+/// velocity.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct JointImpedance<M> {
@@ -193,8 +196,8 @@ impl<M: InverseDynamics> Controller for JointImpedance<M> {
     }
 }
 
-/// Another controller's torque and a torque prepared beforehand, one row per call: the feed-forward of a model that is
-/// too slow for a controller, or of another program.
+/// Another controller's torque and a torque prepared beforehand, one row per call: the feed-forward
+/// of a model that is too slow for a controller, or of another program.
 #[derive(Clone, Debug)]
 pub struct Scheduled<C> {
     controller: C,

@@ -10,8 +10,9 @@ use crate::robot::Robot;
 /// Friction torque against a motion in direction s = ±1 with speed v:
 /// Fv v + Fc(s) + (Fs(s) - Fc(s)) exp(-(v / vs)²); at rest anything between -Fs(-1) and Fs(+1).
 ///
-/// Source: B. Armstrong-Hélouvry, P. Dupont, C. Canudas de Wit, A survey of models, analysis tools and compensation
-/// methods for the control of machines with friction, Automatica 30(7) (1994), section 2.
+/// Source: B. Armstrong-Hélouvry, P. Dupont, C. Canudas de Wit, A survey of models, analysis tools
+/// and compensation methods for the control of machines with friction, Automatica 30(7) (1994),
+/// section 2.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Setters)]
 #[setters(prefix = "with_")]
 #[non_exhaustive]
@@ -22,9 +23,11 @@ pub struct Drive {
     pub viscous_friction: f64,
     /// Sizes Fc forwards and backwards, N·m.
     pub coulomb_friction: [f64; 2],
-    /// Sizes Fs at rest, forwards and backwards, N·m; below the Coulomb friction it counts as equal to it.
+    /// Sizes Fs at rest, forwards and backwards, N·m; below the Coulomb friction it counts as equal
+    /// to it.
     pub static_friction: [f64; 2],
-    /// vs, rad/s: speed at which a third of the way from static to Coulomb friction is left. Zero: none above rest.
+    /// vs, rad/s: speed at which a third of the way from static to Coulomb friction is left. Zero:
+    /// none above rest.
     pub stribeck_velocity: f64,
 }
 
@@ -51,9 +54,11 @@ impl Motor {
 }
 
 impl Drive {
-    /// A drive as seen through the gear: inertia and viscous friction times ratio², Coulomb friction times |ratio|.
+    /// A drive as seen through the gear: inertia and viscous friction times ratio², Coulomb
+    /// friction times |ratio|.
     ///
-    /// Source: P. I. Corke, Robotics Toolbox for MATLAB, `Link.friction`, whose directions are the joint's too.
+    /// Source: P. I. Corke, Robotics Toolbox for MATLAB, `Link.friction`, whose directions are the
+    /// joint's too.
     pub fn geared(motor: &Motor) -> Self {
         let ratio = motor.gear_ratio.abs();
         let coulomb = motor.coulomb_friction.map(|size| size.abs() * ratio);
@@ -66,7 +71,8 @@ impl Drive {
         }
     }
 
-    /// With static friction `ratio` times the Coulomb friction, falling off around `stribeck_velocity`.
+    /// With static friction `ratio` times the Coulomb friction, falling off around
+    /// `stribeck_velocity`.
     #[must_use]
     pub fn with_stiction(mut self, ratio: f64, stribeck_velocity: f64) -> Self {
         self.static_friction = self.coulomb_friction.map(|size| size * ratio);
@@ -112,7 +118,11 @@ impl Drive {
 
 pub(super) fn require_valid(robot: &Robot, drives: &[Drive]) -> Result<(), SimulationError> {
     if drives.len() != robot.dof() {
-        return Err(SimulationError::Length { what: "drives", expected: robot.dof(), found: drives.len() });
+        return Err(SimulationError::Length {
+            what: "drives",
+            expected: robot.dof(),
+            found: drives.len(),
+        });
     }
     for (joint, drive) in robot.joint_names().zip(drives) {
         let [forwards, backwards] = drive.coulomb_friction;
@@ -126,17 +136,20 @@ pub(super) fn require_valid(robot: &Robot, drives: &[Drive]) -> Result<(), Simul
             ("backward static friction", hold_backwards),
             ("Stribeck velocity", drive.stribeck_velocity),
         ];
-        if let Some((quantity, value)) = fields.into_iter().find(|(_, value)| !(*value >= 0.0 && value.is_finite())) {
+        if let Some((quantity, value)) =
+            fields.into_iter().find(|(_, value)| !(*value >= 0.0 && value.is_finite()))
+        {
             return Err(SimulationError::InvalidDrive { joint: joint.into(), quantity, value });
         }
     }
     Ok(())
 }
 
-/// Drives of the [`puma560`](crate::robot::puma560): rotors, viscous and direction-dependent Coulomb friction.
+/// Drives of the [`puma560`](crate::robot::puma560): rotors, viscous and direction-dependent
+/// Coulomb friction.
 ///
-/// Source: S. Krishnamoorthi, MSc thesis, TU Delft (2018), table 5-1, after P. I. Corke, B. Armstrong-Hélouvry, IEEE
-/// ICRA (1994).
+/// Source: S. Krishnamoorthi, MSc thesis, TU Delft (2018), table 5-1, after P. I. Corke, B.
+/// Armstrong-Hélouvry, IEEE ICRA (1994).
 pub fn puma560_drives() -> Vec<Drive> {
     let rows = [
         (2e-4, 1.48e-3, [0.395, 0.435], -62.61),

@@ -13,15 +13,17 @@ pub(super) enum Contact {
     Stuck,
 }
 
-/// A x + f = b with |f| bounded, f opposing x: x > 0 with f = upper, x < 0 with f = -lower, or x = 0 with f between.
+/// A x + f = b with |f| bounded, f opposing x: x > 0 with f = upper, x < 0 with f = -lower, or x =
+/// 0 with f between.
 ///
-/// A is symmetric positive definite, so there is exactly one solution: the minimum of xᵀA x / 2 - bᵀx +
-/// sum(upper max(x, 0) + lower max(-x, 0)). Whether each joint slides or sticks is guessed from the step before; one
-/// Cholesky factor of the sliding joints then proves the guess or says what to change. All wrong joints are changed at
-/// once while that helps, then one at a time, which ends for any such A.
+/// A is symmetric positive definite, so there is exactly one solution: the minimum of xᵀA x / 2 -
+/// bᵀx + sum(upper max(x, 0) + lower max(-x, 0)). Whether each joint slides or sticks is guessed
+/// from the step before; one Cholesky factor of the sliding joints then proves the guess or says
+/// what to change. All wrong joints are changed at once while that helps, then one at a time, which
+/// ends for any such A.
 ///
-/// Source: J. J. Júdice, F. M. Pires, A block principal pivoting algorithm for large-scale strictly monotone linear
-/// complementarity problems, Computers & Operations Research 21(5) (1994).
+/// Source: J. J. Júdice, F. M. Pires, A block principal pivoting algorithm for large-scale strictly
+/// monotone linear complementarity problems, Computers & Operations Research 21(5) (1994).
 #[derive(Clone, Debug)]
 pub(super) struct DryFriction {
     n: usize,
@@ -189,9 +191,11 @@ mod tests {
         for _ in 0..200_000 {
             let mut change = 0.0f64;
             for i in 0..n {
-                let rest = problem.b[i] - (0..n).filter(|j| *j != i).map(|j| entry(i, j) * x[j]).sum::<f64>();
+                let rest = problem.b[i]
+                    - (0..n).filter(|j| *j != i).map(|j| entry(i, j) * x[j]).sum::<f64>();
                 let [upper, lower] = problem.bound[i];
-                let next = if rest > upper { rest - upper } else { (rest + lower).min(0.0) } / entry(i, i);
+                let next =
+                    if rest > upper { rest - upper } else { (rest + lower).min(0.0) } / entry(i, i);
                 change = change.max((next - x[i]).abs());
                 x[i] = next;
             }
@@ -216,13 +220,17 @@ mod tests {
                 }
                 problem.b[i] = 3.0 * uniform(&mut random);
                 problem.bound[i] = [1.0 + uniform(&mut random), 1.0 + uniform(&mut random)];
-                problem.contact[i] =
-                    [Contact::Forwards, Contact::Backwards, Contact::Stuck][random.next_u32() as usize % 3];
+                problem.contact[i] = [Contact::Forwards, Contact::Backwards, Contact::Stuck]
+                    [random.next_u32() as usize % 3];
             }
             problem.solve().expect("positive definite");
             let expected = gauss_seidel(&problem);
             for i in 0..n {
-                assert!((problem.x[i] - expected[i]).abs() < 1e-9, "case {case}: {:?} {expected:?}", problem.x);
+                assert!(
+                    (problem.x[i] - expected[i]).abs() < 1e-9,
+                    "case {case}: {:?} {expected:?}",
+                    problem.x
+                );
             }
         }
     }

@@ -28,8 +28,8 @@ pub enum SimulationError {
     },
     /// More samples than fit.
     #[error(
-        "{samples} samples need {needed_gb:.1} GB, {limit_gb:.1} GB may be taken: choose a shorter duration or delay, or a \
-         longer `record_period`"
+        "{samples} samples need {needed_gb:.1} GB, {limit_gb:.1} GB may be taken: choose a shorter \
+         duration or delay, or a longer `record_period`"
     )]
     TooLong {
         /// Samples of the record.
@@ -59,8 +59,8 @@ pub enum SimulationError {
     },
     /// A joint ran away.
     #[error(
-        "joint `{joint}` ran away: its speed is {speed:.3e} at {time:.6} s (more than {limit}); lower the gains, take a \
-         shorter step or control period, or raise `speed_limit`"
+        "joint `{joint}` ran away: its speed is {speed:.3e} at {time:.6} s (more than {limit}); \
+         lower the gains, take a shorter step or control period, or raise `speed_limit`"
     )]
     Unstable {
         /// Joint.
@@ -73,7 +73,10 @@ pub enum SimulationError {
         limit: f64,
     },
     /// The controller or a torque beside the rigid body gave NaN or infinity.
-    #[error("the {source_name} gives {value} for joint `{joint}` at {time:.6} s: a torque is a finite number")]
+    #[error(
+        "the {source_name} gives {value} for joint `{joint}` at {time:.6} s: a torque is a finite \
+         number"
+    )]
     NotFinite {
         /// Who gave it.
         source_name: &'static str,

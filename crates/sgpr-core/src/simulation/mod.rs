@@ -1,7 +1,9 @@
-//! An arm that moves: fixed-step simulation of any robot with rotors, friction, sensors and a sampled controller.
+//! An arm that moves: fixed-step simulation of any robot with rotors, friction, sensors and a
+//! sampled controller.
 //!
-//! [`Simulator`] makes single steps; [`simulate`] runs a whole experiment: a [`Controller`] that follows a [`Reference`]
-//! with encoders and noise as [`Sensors`] say. The same inputs give the same bits on the same machine.
+//! [`Simulator`] makes single steps; [`simulate`] runs a whole experiment: a [`Controller`] that
+//! follows a [`Reference`] with encoders and noise as [`Sensors`] say. The same inputs give the
+//! same bits on the same machine.
 
 mod controller;
 mod drive;
@@ -15,8 +17,8 @@ mod simulate;
 mod simulator;
 
 pub use controller::{
-    ComputedTorque, Controller, FeedForward, Gains, InverseDynamics, JointImpedance, Measurement, Pd, RigidBody,
-    Scheduled, Setpoint,
+    ComputedTorque, Controller, FeedForward, Gains, InverseDynamics, JointImpedance, Measurement,
+    Pd, RigidBody, Scheduled, Setpoint,
 };
 pub use drive::{Drive, Motor, puma560_drives, two_link_drives};
 pub use error::SimulationError;
@@ -25,6 +27,8 @@ pub(crate) use reference::quintic;
 pub use reference::{Reference, SampledReference, StandStill};
 pub(crate) use sensors::NormalNumbers;
 pub use sensors::{Sensors, VelocitySensor};
-pub use side_torque::{DrivesAndSideTorques, SideTorque, drives_from_model, drives_from_parameters};
+pub use side_torque::{
+    DrivesAndSideTorques, SideTorque, drives_from_model, drives_from_parameters,
+};
 pub use simulate::{Experiment, SimulationRecord, simulate};
 pub use simulator::{Integrator, SPEED_LIMIT, Simulator};

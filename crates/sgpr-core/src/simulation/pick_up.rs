@@ -1,6 +1,8 @@
 //! An arm that picks something up while it moves.
 
-use super::{Controller, Experiment, Reference, SimulationError, SimulationRecord, Simulator, simulate};
+use super::{
+    Controller, Experiment, Reference, SimulationError, SimulationRecord, Simulator, simulate,
+};
 use crate::progress::Progress;
 use crate::robot::Robot;
 use crate::spatial::PARAMETERS_PER_LINK;
@@ -38,7 +40,8 @@ impl PickUp {
     }
 }
 
-/// [`simulate`], with bodies that change at the time of the pick-up; what is picked up moves with the link already.
+/// [`simulate`], with bodies that change at the time of the pick-up; what is picked up moves with
+/// the link already.
 ///
 /// # Errors
 /// As [`simulate`], or if the time is no whole number of record periods within the experiment.
@@ -54,7 +57,11 @@ pub fn simulate_pick_up(
     pick_up: &PickUp,
     progress: &dyn Progress,
 ) -> Result<SimulationRecord, SimulationError> {
-    let invalid = |value, expected| SimulationError::InvalidOption { option: "time of the pick-up", value, expected };
+    let invalid = |value, expected| SimulationError::InvalidOption {
+        option: "time of the pick-up",
+        value,
+        expected,
+    };
     let loaded = pick_up.loaded(simulator.robot());
     let periods = pick_up.time / experiment.record_period;
     if !(pick_up.time > 0.0 && pick_up.time < duration) {
@@ -63,7 +70,8 @@ pub fn simulate_pick_up(
     if (periods - periods.round()).abs() > 1e-6 * periods.max(1.0) {
         return Err(invalid(pick_up.time, "a whole number of record periods"));
     }
-    let mut record = simulate(simulator, controller, reference, pick_up.time, experiment, progress)?;
+    let mut record =
+        simulate(simulator, controller, reference, pick_up.time, experiment, progress)?;
     simulator.set_robot(&loaded);
     let after = Experiment { seed: experiment.seed.wrapping_add(1), ..experiment.clone() };
     let rest = duration - pick_up.time;

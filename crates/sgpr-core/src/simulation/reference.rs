@@ -5,7 +5,8 @@ pub trait Reference: Send + Sync {
     /// Number of joints n.
     fn dof(&self) -> usize;
 
-    /// Motion at `time` (s): position, velocity and acceleration, `[n]` each, rad (m), per s, per s².
+    /// Motion at `time` (s): position, velocity and acceleration, `[n]` each, rad (m), per s, per
+    /// s².
     fn sample(&self, time: f64, q: &mut [f64], dq: &mut [f64], ddq: &mut [f64]);
 }
 
@@ -25,10 +26,11 @@ impl Reference for StandStill {
     }
 }
 
-/// Samples of a motion, between which it is interpolated; before the first and after the last it stands still there.
+/// Samples of a motion, between which it is interpolated; before the first and after the last it
+/// stands still there.
 ///
-/// Between two samples the position is the quintic through position, velocity and acceleration of both, so that all
-/// three are continuous and belong together.
+/// Between two samples the position is the quintic through position, velocity and acceleration of
+/// both, so that all three are continuous and belong together.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SampledReference {
     dof: usize,
@@ -46,7 +48,10 @@ impl SampledReference {
     pub fn new(dof: usize, rate_hz: f64, q: Vec<f64>, dq: Vec<f64>, ddq: Vec<f64>) -> Self {
         assert!(rate_hz > 0.0 && rate_hz.is_finite(), "a sampling rate above zero");
         assert!(!q.is_empty() && q.len().is_multiple_of(dof), "whole samples, at least one");
-        assert!(q.len() == dq.len() && q.len() == ddq.len(), "position, velocity, acceleration of the same samples");
+        assert!(
+            q.len() == dq.len() && q.len() == ddq.len(),
+            "position, velocity, acceleration of the same samples"
+        );
         Self { dof, rate_hz, q, dq, ddq }
     }
 }
@@ -88,7 +93,8 @@ impl Reference for SampledReference {
     }
 }
 
-/// Value, slope and curvature at `s` in [0, 1] of the quintic with given value, slope and curvature at both ends.
+/// Value, slope and curvature at `s` in [0, 1] of the quintic with given value, slope and curvature
+/// at both ends.
 pub(crate) fn quintic(from: [f64; 3], to: [f64; 3], s: f64) -> [f64; 3] {
     let [p0, v0, a0] = from;
     let d = [to[0] - (p0 + v0 + 0.5 * a0), to[1] - (v0 + a0), to[2] - a0];

@@ -16,8 +16,8 @@ pub struct Sensors {
     pub position_noise: Vec<f64>,
     /// Standard deviation of the measured torque, N·m (N).
     pub torque_noise: Vec<f64>,
-    /// Standard deviation of the torque that the drive makes beside the commanded one, anew in every control period,
-    /// N·m (N).
+    /// Standard deviation of the torque that the drive makes beside the commanded one, anew in
+    /// every control period, N·m (N).
     pub actuation_noise: Vec<f64>,
     /// Where velocities come from.
     pub velocity: VelocitySensor,
@@ -71,7 +71,12 @@ impl Sensors {
         ]
     }
 
-    pub(super) fn measure_position(&self, noise: &mut NormalNumbers, q: &[f64], measured: &mut [f64]) {
+    pub(super) fn measure_position(
+        &self,
+        noise: &mut NormalNumbers,
+        q: &[f64],
+        measured: &mut [f64],
+    ) {
         add_noise(noise, &self.position_noise, q, measured);
         for (value, resolution) in measured.iter_mut().zip(&self.position_resolution) {
             if *resolution > 0.0 {
@@ -82,7 +87,12 @@ impl Sensors {
 }
 
 /// `noisy` = `values` + noise of these standard deviations.
-pub(super) fn add_noise(noise: &mut NormalNumbers, deviations: &[f64], values: &[f64], noisy: &mut [f64]) {
+pub(super) fn add_noise(
+    noise: &mut NormalNumbers,
+    deviations: &[f64],
+    values: &[f64],
+    noisy: &mut [f64],
+) {
     noisy.copy_from_slice(values);
     for (value, deviation) in noisy.iter_mut().zip(deviations) {
         if *deviation > 0.0 {
@@ -101,7 +111,12 @@ mod tests {
         let values: Vec<f64> = (0..200_000).map(|_| noise.normal()).collect();
         let moment = |p: i32| values.iter().map(|x| x.powi(p)).sum::<f64>() / values.len() as f64;
         // Five standard errors of each moment: sqrt(var / 200 000).
-        assert!(moment(1).abs() < 0.012 && (moment(2) - 1.0).abs() < 0.016, "{} {}", moment(1), moment(2));
+        assert!(
+            moment(1).abs() < 0.012 && (moment(2) - 1.0).abs() < 0.016,
+            "{} {}",
+            moment(1),
+            moment(2)
+        );
         assert!((moment(4) - 3.0).abs() < 0.11, "{}", moment(4));
     }
 }

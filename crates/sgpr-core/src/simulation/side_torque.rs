@@ -8,13 +8,14 @@ use crate::effects::{Entry, JointState, Role, SampleInput};
 use crate::identification::ParameterSet;
 use crate::model::{StreamStart, Term, TermSteps, TorqueModel};
 
-/// A torque that the drives have to overcome beside the rigid body and the friction of the [`Drive`]s: a spring, a
-/// ripple, an effect with a memory.
+/// A torque that the drives have to overcome beside the rigid body and the friction of the
+/// [`Drive`]s: a spring, a ripple, an effect with a memory.
 ///
-/// Treated explicitly: it is asked once per step, in order, and may carry a state of its own from step to step.
+/// Treated explicitly: it is asked once per step, in order, and may carry a state of its own from
+/// step to step.
 pub trait SideTorque: Send + Debug {
-    /// Adds the torque in the step from `time` to `time + step` to `tau`, `[n]`, N·m (N), with the sign of
-    /// tau = M ddq + ... + side torque.
+    /// Adds the torque in the step from `time` to `time + step` to `tau`, `[n]`, N·m (N), with the
+    /// sign of tau = M ddq + ... + side torque.
     ///
     /// - `q`, `dq`: `[n]`, state at `time`
     /// - `ddq`: `[n]`, acceleration in the step before
@@ -35,12 +36,16 @@ impl SideTorque for Effects {
     }
 }
 
-/// Drives and side torque that together are the effects of `set` with these parameters: viscous and Coulomb friction
-/// and rotor inertia are treated as those of a [`Drive`], stiffly; every other effect as a side torque.
+/// Drives and side torque that together are the effects of `set` with these parameters: viscous and
+/// Coulomb friction and rotor inertia are treated as those of a [`Drive`], stiffly; every other
+/// effect as a side torque.
 ///
 /// # Panics
 /// If `parameters` is not of the length of the set.
-pub fn drives_from_parameters(set: &ParameterSet, parameters: &[f64]) -> (Vec<Drive>, Option<Box<dyn SideTorque>>) {
+pub fn drives_from_parameters(
+    set: &ParameterSet,
+    parameters: &[f64],
+) -> (Vec<Drive>, Option<Box<dyn SideTorque>>) {
     assert_eq!(parameters.len(), set.len(), "every parameter of the set");
     let mut drives = vec![Drive::default(); set.dof()];
     let mut rest = parameters.to_vec();
@@ -49,14 +54,17 @@ pub fn drives_from_parameters(set: &ParameterSet, parameters: &[f64]) -> (Vec<Dr
         let drive = &mut drives[column.joint];
         match set.effects()[column.effect].role() {
             Some(Role::ViscousFriction) => drive.viscous_friction = *value,
-            Some(Role::DryFriction) => (drive.coulomb_friction, drive.static_friction) = ([*value; 2], [*value; 2]),
+            Some(Role::DryFriction) => {
+                (drive.coulomb_friction, drive.static_friction) = ([*value; 2], [*value; 2])
+            }
             Some(Role::RotorInertia) => drive.rotor_inertia = *value,
             _ => continue,
         }
         *value = 0.0;
     }
     let others = rest[set.inertial()..].iter().any(|value| *value != 0.0);
-    let side = others.then(|| Box::new(Effects { set: set.clone(), parameters: rest }) as Box<dyn SideTorque>);
+    let side = others
+        .then(|| Box::new(Effects { set: set.clone(), parameters: rest }) as Box<dyn SideTorque>);
     (drives, side)
 }
 
@@ -110,8 +118,8 @@ impl SteppedTerms {
         terms.add_torque(&input, ws, tau);
     }
 
-    /// Whether an acceleration of this joint in the step before changes the torque by a large share of what it takes:
-    /// the next step would overshoot.
+    /// Whether an acceleration of this joint in the step before changes the torque by a large share
+    /// of what it takes: the next step would overshoot.
     fn overshoots(&mut self, joint: usize) -> bool {
         let n = self.rigid.len();
         let moving = vec![0.1; n];
@@ -119,7 +127,12 @@ impl SteppedTerms {
             let (mut ddq, mut own) = (vec![0.0; n], vec![0.0; n]);
             ddq[joint] = acceleration;
             self.started = false;
-            self.add_torque(0.0, f64::NAN, &JointState { q: &moving, dq: &moving, ddq: &ddq }, &mut own);
+            self.add_torque(
+                0.0,
+                f64::NAN,
+                &JointState { q: &moving, dq: &moving, ddq: &ddq },
+                &mut own,
+            );
             (own[joint], self.torque[joint])
         };
         let ((own, all), (own_at_one, all_at_one)) = (at(0.0), at(1.0));
@@ -139,14 +152,14 @@ impl SideTorque for SteppedTerms {
 /// What acts on an arm beside its rigid body.
 pub type DrivesAndSideTorques = (Vec<Drive>, Vec<Box<dyn SideTorque>>);
 
-/// Drives and side torques that together are all effects of a model, those at single sites included. Stribeck friction is
-/// treated as that of a [`Drive`]; hidden states are carried from step to step. The clock of the session starts with the
-/// simulation.
+/// Drives and side torques that together are all effects of a model, those at single sites
+/// included. Stribeck friction is treated as that of a [`Drive`]; hidden states are carried from
+/// step to step. The clock of the session starts with the simulation.
 ///
 /// # Errors
-/// If an effect changes robot, motion or torque, has a hidden state that follows the torque or the time between samples of
-/// a log, needs a temperature or a channel, or follows the acceleration as an inertia does. For those write a
-/// [`SideTorque`].
+/// If an effect changes robot, motion or torque, has a hidden state that follows the torque or the
+/// time between samples of a log, needs a temperature or a channel, or follows the acceleration as
+/// an inertia does. For those write a [`SideTorque`].
 pub fn drives_from_model(model: &TorqueModel) -> Result<DrivesAndSideTorques, SimulationError> {
     let (mut drives, side) = drives_from_parameters(model.parameter_set(), model.parameters());
     let mut side: Vec<_> = side.into_iter().collect();
@@ -158,14 +171,16 @@ pub fn drives_from_model(model: &TorqueModel) -> Result<DrivesAndSideTorques, Si
         if let (Some(joint), Some(Role::Stribeck)) = (term.site.joint(), term.effect.role()) {
             let drive = &mut drives[joint];
             if drive.stribeck_velocity == 0.0 && term.coefficients[0] >= 0.0 {
-                drive.static_friction = drive.coulomb_friction.map(|size| size + term.coefficients[0]);
+                drive.static_friction =
+                    drive.coulomb_friction.map(|size| size + term.coefficients[0]);
                 drive.stribeck_velocity = term.constants[0];
                 continue;
             }
         }
         let mut alone = SteppedTerms::new(model, std::slice::from_ref(term));
         if (0..drives.len()).any(|joint| alone.overshoots(joint)) {
-            let reason = "it follows the acceleration as an inertia does; give the arm that inertia instead";
+            let reason =
+                "it follows the acceleration as an inertia does; give the arm that inertia instead";
             return Err(SimulationError::Effect { name: term.effect.name().into(), reason });
         }
         terms.push(term.clone());

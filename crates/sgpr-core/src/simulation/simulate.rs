@@ -15,7 +15,8 @@ use crate::recording::Recording;
 pub struct Experiment {
     /// Time from one call of the controller to the next, s.
     pub control_period: f64,
-    /// Time from a measurement until the torque computed from it acts, s. Until the first one acts, the first acts.
+    /// Time from a measurement until the torque computed from it acts, s. Until the first one acts,
+    /// the first acts.
     pub delay: f64,
     /// Time between recorded samples, s: whole control periods.
     pub record_period: f64,
@@ -158,15 +159,16 @@ impl SimulationRecord {
     }
 }
 
-/// Lets `controller` move the arm along `reference` for `duration` seconds, from where the simulator stands.
+/// Lets `controller` move the arm along `reference` for `duration` seconds, from where the
+/// simulator stands.
 ///
-/// A simulator at time zero is first put where the reference starts. One that has been running goes on from its time
-/// and state, so that an experiment may be cut where something is picked up; the reference is asked for the
-/// simulator's time.
+/// A simulator at time zero is first put where the reference starts. One that has been running goes
+/// on from its time and state, so that an experiment may be cut where something is picked up; the
+/// reference is asked for the simulator's time.
 ///
 /// # Errors
-/// If a time is not a whole number of steps, a list has another length than the joints, the controller gives a number
-/// that is not finite, a joint runs away, or the work is stopped.
+/// If a time is not a whole number of steps, a list has another length than the joints, the
+/// controller gives a number that is not finite, a joint runs away, or the work is stopped.
 ///
 /// # Examples
 /// ```
@@ -196,7 +198,8 @@ pub fn simulate(
 fn require_memory(samples: usize, commands: usize, joints: usize) -> Result<(), SimulationError> {
     let (samples, commands, joints) = (samples as u64, commands as u64, joints as u64);
     let per_sample = 1 + SimulationRecord::ARRAYS * joints;
-    let numbers = samples.saturating_mul(per_sample).saturating_add(commands.saturating_mul(joints));
+    let numbers =
+        samples.saturating_mul(per_sample).saturating_add(commands.saturating_mul(joints));
     let needed = numbers.saturating_mul(8);
     let limit = crate::memory::usable();
     if needed <= limit {
@@ -237,18 +240,32 @@ impl RunBuffers {
         let step = simulator.step_length();
         let whole = |option, time: f64, unit: f64, least: usize, expected| {
             let count = (time / unit).round();
-            let fits = count >= least as f64 && count < 1e12 && (time / unit - count).abs() < 1e-6 * count.max(1.0);
+            let fits = count >= least as f64
+                && count < 1e12
+                && (time / unit - count).abs() < 1e-6 * count.max(1.0);
             if fits {
                 Ok(count as usize)
             } else {
                 Err(SimulationError::InvalidOption { option, value: time, expected })
             }
         };
-        let control_steps =
-            whole("control_period", experiment.control_period, step, 1, "a whole number of steps, at least one")?;
-        let delay = whole("delay", experiment.delay, step, 0, "a whole number of steps, zero or more")?;
+        let control_steps = whole(
+            "control_period",
+            experiment.control_period,
+            step,
+            1,
+            "a whole number of steps, at least one",
+        )?;
+        let delay =
+            whole("delay", experiment.delay, step, 0, "a whole number of steps, zero or more")?;
         let expected = "a whole number of control periods, at least one";
-        let records = whole("record_period", experiment.record_period, experiment.control_period, 1, expected)?;
+        let records = whole(
+            "record_period",
+            experiment.record_period,
+            experiment.control_period,
+            1,
+            expected,
+        )?;
         let steps = whole("duration", duration, step, 1, "a whole number of steps, at least one")?;
         let limits = ("torque limits", experiment.torque_limits.as_deref().unwrap_or_default());
         for (what, list) in experiment.sensors.lists().into_iter().chain([limits]) {
@@ -264,9 +281,14 @@ impl RunBuffers {
             }
         }
         if reference.dof() != n {
-            return Err(SimulationError::Length { what: "reference", expected: n, found: reference.dof() });
+            return Err(SimulationError::Length {
+                what: "reference",
+                expected: n,
+                found: reference.dof(),
+            });
         }
-        let (samples, commands) = (steps.div_ceil(control_steps * records), delay / control_steps + 2);
+        let (samples, commands) =
+            (steps.div_ceil(control_steps * records), delay / control_steps + 2);
         require_memory(samples, commands, n)?;
         let zeros = vec![0.0; n];
         let mut wanted = [zeros.clone(), zeros.clone(), zeros.clone()];
@@ -321,14 +343,21 @@ impl RunBuffers {
                 if let Some(joint) = command.iter().position(|value| !value.is_finite()) {
                     return Err(simulator.not_finite("controller", joint, command[joint]));
                 }
-                for (command, limit) in command.iter_mut().zip(experiment.torque_limits.iter().flatten()) {
+                for (command, limit) in
+                    command.iter_mut().zip(experiment.torque_limits.iter().flatten())
+                {
                     *command = command.clamp(-limit, *limit);
                 }
             }
             if phase == self.rest_delay || step == 0 {
                 let acting = sample.saturating_sub(self.whole_delay) % slots * n;
                 let command = &self.commands[acting..acting + n];
-                add_noise(&mut self.noise, &experiment.sensors.actuation_noise, command, &mut self.tau);
+                add_noise(
+                    &mut self.noise,
+                    &experiment.sensors.actuation_noise,
+                    command,
+                    &mut self.tau,
+                );
             }
             let recorded = step % self.record_steps == 0;
             if recorded {
@@ -344,7 +373,13 @@ impl RunBuffers {
         Ok(())
     }
 
-    fn measure(&mut self, simulator: &Simulator, reference: &dyn Reference, experiment: &Experiment, first: bool) {
+    fn measure(
+        &mut self,
+        simulator: &Simulator,
+        reference: &dyn Reference,
+        experiment: &Experiment,
+        first: bool,
+    ) {
         let sensors = &experiment.sensors;
         std::mem::swap(&mut self.q, &mut self.q_before);
         sensors.measure_position(&mut self.noise, simulator.q(), &mut self.q);
@@ -354,7 +389,9 @@ impl RunBuffers {
                     *dq = (q - before) / experiment.control_period;
                 }
             }
-            VelocitySensor::Exact | VelocitySensor::Difference => self.dq.copy_from_slice(simulator.dq()),
+            VelocitySensor::Exact | VelocitySensor::Difference => {
+                self.dq.copy_from_slice(simulator.dq())
+            }
         }
         let [q, dq, ddq] = &mut self.wanted;
         reference.sample(simulator.time(), q, dq, ddq);
@@ -362,7 +399,12 @@ impl RunBuffers {
 
     /// What is known before the step.
     fn record_before(&mut self, simulator: &Simulator, experiment: &Experiment) {
-        add_noise(&mut self.noise, &experiment.sensors.torque_noise, &self.tau, &mut self.tau_measured);
+        add_noise(
+            &mut self.noise,
+            &experiment.sensors.torque_noise,
+            &self.tau,
+            &mut self.tau_measured,
+        );
         let record = &mut self.record;
         record.time.push((simulator.time() * 1e9).round() as i64);
         let arrays = [

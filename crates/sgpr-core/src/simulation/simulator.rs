@@ -10,16 +10,17 @@ use crate::robot::Robot;
 /// How the equation of motion is carried from one step to the next.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Integrator {
-    /// First order: new velocities with friction treated implicitly, new positions from the new velocities.
+    /// First order: new velocities with friction treated implicitly, new positions from the new
+    /// velocities.
     ///
     /// Viscous friction of any size is stable and held joints stand still, at any step.
     #[default]
     SemiImplicitEuler,
     /// Fourth order by the classical Runge-Kutta scheme between the events of dry friction.
     ///
-    /// Whether a joint sticks or slides is settled at the start of a step, as is its direction; a velocity that would
-    /// change its sign ends at zero. Viscous friction is explicit: the step has to stay below 2.7 times inertia over
-    /// viscous friction.
+    /// Whether a joint sticks or slides is settled at the start of a step, as is its direction; a
+    /// velocity that would change its sign ends at zero. Viscous friction is explicit: the step has
+    /// to stay below 2.7 times inertia over viscous friction.
     RungeKutta4,
 }
 
@@ -27,8 +28,8 @@ pub enum Integrator {
 ///
 /// (M(q) + Ia) ddq + C(q, dq) dq + g(q) + friction + side torques = tau
 ///
-/// Dry friction is a bounded torque, not a function of velocity: joints stick and break away as the balance of all
-/// joints says, which is solved exactly in every step.
+/// Dry friction is a bounded torque, not a function of velocity: joints stick and break away as the
+/// balance of all joints says, which is solved exactly in every step.
 ///
 /// # Examples
 /// ```
@@ -81,10 +82,19 @@ impl Simulator {
     ///
     /// # Errors
     /// If the step is not positive or a drive has values that none can have.
-    pub fn new(robot: &Robot, drives: &[Drive], integrator: Integrator, step: f64) -> Result<Self, SimulationError> {
+    pub fn new(
+        robot: &Robot,
+        drives: &[Drive],
+        integrator: Integrator,
+        step: f64,
+    ) -> Result<Self, SimulationError> {
         require_valid(robot, drives)?;
         if !(step > 0.0 && step.is_finite()) {
-            return Err(SimulationError::InvalidOption { option: "step", value: step, expected: "a time above zero" });
+            return Err(SimulationError::InvalidOption {
+                option: "step",
+                value: step,
+                expected: "a time above zero",
+            });
         }
         let n = robot.dof();
         let zeros = vec![0.0; n];
@@ -105,7 +115,12 @@ impl Simulator {
             balance,
             side: Vec::new(),
             side_torque: zeros.clone(),
-            stages: Stages { q: zeros.clone(), dq: zeros.clone(), sum_dq: zeros.clone(), sum_ddq: zeros },
+            stages: Stages {
+                q: zeros.clone(),
+                dq: zeros.clone(),
+                sum_dq: zeros.clone(),
+                sum_ddq: zeros,
+            },
         })
     }
 
@@ -243,9 +258,14 @@ impl Simulator {
             }
             self.balance.b[i] = momentum + h * (tau[i] - bias[i] - self.side_torque[i]);
             if self.balance.contact[i] != Contact::Free {
-                // Against the present motion what the curve says; against any other what holds at rest.
+                // Against the present motion what the curve says; against any other what holds at
+                // rest.
                 let size = |direction: usize, along: f64| {
-                    if along > 0.0 { drive.sliding(direction, along) } else { drive.holding(direction) }
+                    if along > 0.0 {
+                        drive.sliding(direction, along)
+                    } else {
+                        drive.holding(direction)
+                    }
                 };
                 self.balance.bound[i] = [h * size(0, v), h * size(1, -v)];
             }
@@ -278,7 +298,8 @@ impl Simulator {
             self.balance.known[i] = v != 0.0;
             undecided |= v == 0.0;
             if v != 0.0 {
-                self.balance.contact[i] = if v > 0.0 { Contact::Forwards } else { Contact::Backwards };
+                self.balance.contact[i] =
+                    if v > 0.0 { Contact::Forwards } else { Contact::Backwards };
             }
         }
         self.stages.q.copy_from_slice(&self.q);
@@ -286,7 +307,8 @@ impl Simulator {
         self.accelerate(tau, undecided)?;
         for i in 0..n {
             self.ddq[i] = self.balance.x[i];
-            self.friction[i] = self.balance.friction[i] + self.drives[i].viscous_friction * self.dq[i];
+            self.friction[i] =
+                self.balance.friction[i] + self.drives[i].viscous_friction * self.dq[i];
             self.stages.sum_dq[i] = self.dq[i];
             self.stages.sum_ddq[i] = self.balance.x[i];
         }
@@ -352,13 +374,28 @@ impl Simulator {
         let broken = |values: &[f64]| values.iter().position(|value| !value.is_finite());
         if let Some(joint) = broken(&self.dq).or(broken(&self.q)).or(broken(&self.stages.dq)) {
             let (joint, speed) = (self.joint_name(joint), f64::NAN);
-            return SimulationError::Unstable { joint, time: self.time(), speed, limit: self.speed_limit };
+            return SimulationError::Unstable {
+                joint,
+                time: self.time(),
+                speed,
+                limit: self.speed_limit,
+            };
         }
         SimulationError::NoInertia { joint: self.joint_name(joint), time: self.time() }
     }
 
-    pub(super) fn not_finite(&self, source_name: &'static str, joint: usize, value: f64) -> SimulationError {
-        SimulationError::NotFinite { source_name, joint: self.joint_name(joint), time: self.time(), value }
+    pub(super) fn not_finite(
+        &self,
+        source_name: &'static str,
+        joint: usize,
+        value: f64,
+    ) -> SimulationError {
+        SimulationError::NotFinite {
+            source_name,
+            joint: self.joint_name(joint),
+            time: self.time(),
+            value,
+        }
     }
 }
 

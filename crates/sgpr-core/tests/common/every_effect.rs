@@ -1,4 +1,5 @@
-//! Every effect of the library at values at which it does something, for tests that go through the registry.
+//! Every effect of the library at values at which it does something, for tests that go through the
+//! registry.
 #![allow(dead_code, missing_docs)]
 
 use std::sync::Arc;

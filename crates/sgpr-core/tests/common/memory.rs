@@ -4,9 +4,9 @@ use std::alloc::{GlobalAlloc, Layout, System};
 
 use cap::Cap;
 
-/// Memory up to a limit, beyond which the program is aborted. What faer reserves for the products of a thread, twice as much
-/// as the largest cache holds, is not counted: it is address space, of which a product touches what it needs, and the only
-/// thing that is asked for by the page.
+/// Memory up to a limit, beyond which the program is aborted. What faer reserves for the products
+/// of a thread, twice as much as the largest cache holds, is not counted: it is address space, of
+/// which a product touches what it needs, and the only thing that is asked for by the page.
 pub struct Limited(Cap<System>);
 
 const PAGE: usize = 4096;
@@ -21,7 +21,8 @@ impl Limited {
     }
 }
 
-// SAFETY: one of two allocators does all; what was asked for from one goes back to the same, as the alignment says.
+// SAFETY: one of two allocators does all; what was asked for from one goes back to the same, as the
+// alignment says.
 unsafe impl GlobalAlloc for Limited {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         // SAFETY: as the caller says.

@@ -16,7 +16,9 @@ pub fn outside(name: &str) -> Option<PathBuf> {
         let _ = writeln!(std::io::stderr(), "\nskipped: {test}: {why}");
         None
     };
-    let Some(folder) = std::env::var_os("SGPR_DATA").filter(|value| !value.is_empty()).map(PathBuf::from) else {
+    let Some(folder) =
+        std::env::var_os("SGPR_DATA").filter(|value| !value.is_empty()).map(PathBuf::from)
+    else {
         return skipped(format!("SGPR_DATA does not name the folder that holds {name}"));
     };
     let places = [folder.join(name), folder.join(name.strip_prefix("real/").unwrap_or(name))];

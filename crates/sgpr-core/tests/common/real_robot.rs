@@ -16,8 +16,8 @@ pub fn folder(name: &str) -> Option<PathBuf> {
     outside(&format!("real/{name}"))
 }
 
-/// Robot and logs as `dataset.json` describes them: which are for training and which for tests, useful rows, and
-/// torque constants where a log has motor currents.
+/// Robot and logs as `dataset.json` describes them: which are for training and which for tests,
+/// useful rows, and torque constants where a log has motor currents.
 pub struct Case {
     pub robot: Robot,
     pub train: Vec<Recording>,
@@ -33,15 +33,18 @@ impl Case {
         let robot = Robot::from_urdf(urdf, &UrdfOptions::default()).expect("a valid robot");
         let logs = |role: &str| -> Vec<Recording> {
             let files = description["files"].as_object().expect("files").iter();
-            let wanted = files.filter(|(_, details)| details["role"].as_str().expect("a role").starts_with(role));
+            let wanted = files
+                .filter(|(_, details)| details["role"].as_str().expect("a role").starts_with(role));
             let read = |(file, details): (&String, &serde_json::Value)| {
-                let rows: Option<[usize; 2]> = serde_json::from_value(details["rows_1based"].clone()).expect("rows");
+                let rows: Option<[usize; 2]> =
+                    serde_json::from_value(details["rows_1based"].clone()).expect("rows");
                 let options = ReadOptions::default()
                     .with_joints(Some(robot.joint_names().map(String::from).collect()))
                     .with_accept(vec![IssueKind::JointsByOrder])
                     .with_rows(rows.map(|[first, last]| Rows::Numbers(first..=last)))
                     .with_torque_constants(
-                        serde_json::from_value(description["drive_gain_Nm_per_A"].clone()).expect("gains"),
+                        serde_json::from_value(description["drive_gain_Nm_per_A"].clone())
+                            .expect("gains"),
                     );
                 let log = csv::read(folder.join(file), &options).expect("a readable log");
                 repair(&log, request).expect("time increases").0

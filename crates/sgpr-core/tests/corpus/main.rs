@@ -1,5 +1,6 @@
-//! The files that the fuzzer kept (`fuzz/corpus`), through the readers that it tried them on: whatever is in them, a result
-//! or an error, no panic, within the memory of this program and within seconds.
+//! The files that the fuzzer kept (`fuzz/corpus`), through the readers that it tried them on:
+//! whatever is in them, a result or an error, no panic, within the memory of this program and
+//! within seconds.
 #![allow(missing_docs)]
 
 mod attempts;
@@ -21,7 +22,10 @@ static MEMORY: Limited = Limited::new(MOST);
 
 fn replay(target: &str, attempt: fn(&[u8])) {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fuzz/corpus").join(target);
-    let files: Vec<_> = std::fs::read_dir(folder).expect("a corpus").map(|file| file.expect("a file").path()).collect();
+    let files: Vec<_> = std::fs::read_dir(folder)
+        .expect("a corpus")
+        .map(|file| file.expect("a file").path())
+        .collect();
     assert!(files.len() >= 4, "{target}: {} files", files.len());
     for file in files {
         let start = Instant::now();

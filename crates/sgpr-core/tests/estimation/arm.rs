@@ -2,8 +2,8 @@
 
 use sgpr_core::dynamics::Samples;
 use sgpr_core::identification::{
-    BaseParameters, ClosedLoop, Equations, Estimate, IdentificationError, Method, ParameterSet, SimulatedMotion,
-    Trajectory, estimate,
+    BaseParameters, ClosedLoop, Equations, Estimate, IdentificationError, Method, ParameterSet,
+    SimulatedMotion, Trajectory, estimate,
 };
 use sgpr_core::robot::{Robot, two_link};
 
@@ -25,7 +25,8 @@ impl Experiment {
     pub fn new(samples: usize) -> Self {
         let robot = two_link();
         // Dry friction as the simulation can follow it, in the logs and in the equations.
-        let set = ParameterSet::new(&robot, &EFFECTS).expect("known effects").with_sticking_joints();
+        let set =
+            ParameterSet::new(&robot, &EFFECTS).expect("known effects").with_sticking_joints();
         let base = BaseParameters::new(&robot, &set);
         let mut truth = robot.standard_parameters();
         truth.extend([0.5, 0.3, 0.4, 0.2, 0.08, 0.09]);
@@ -37,7 +38,11 @@ impl Experiment {
                 for h in 1..=4 {
                     let (a, w) = (0.7 / h as f64, 0.9 * h as f64 + 0.17 * joint as f64);
                     let phase = w * t + 1.7 * (h * (joint + 1)) as f64;
-                    (q, dq, ddq) = (q + a * phase.sin(), dq + a * w * phase.cos(), ddq - a * w * w * phase.sin());
+                    (q, dq, ddq) = (
+                        q + a * phase.sin(),
+                        dq + a * w * phase.cos(),
+                        ddq - a * w * w * phase.sin(),
+                    );
                 }
                 reference.q.push(q);
                 reference.dq.push(dq);
@@ -54,7 +59,8 @@ impl Experiment {
     /// What the arm with these parameters does.
     pub fn run(&self, parameters: &[f64]) -> SimulatedMotion {
         let Samples { q, dq, .. } = self.reference.samples();
-        let motion = self.closed_loop().simulate(&self.robot, &self.set, parameters, &q[..2], &dq[..2]);
+        let motion =
+            self.closed_loop().simulate(&self.robot, &self.set, parameters, &q[..2], &dq[..2]);
         motion.expect("a stable loop")
     }
 
@@ -76,7 +82,8 @@ impl Experiment {
         tau: &[f64],
     ) -> Result<Estimate, IdentificationError> {
         let closed_loop = self.closed_loop();
-        let trajectory = Trajectory::new(motion.samples(), tau).with_closed_loop(Some(&closed_loop));
+        let trajectory =
+            Trajectory::new(motion.samples(), tau).with_closed_loop(Some(&closed_loop));
         let mut equations = Equations::new(&self.robot, &self.set, &self.base, vec![trajectory]);
         let factors = equations.factors()?;
         estimate(method, &mut equations, &factors, &self.nominal(), None)

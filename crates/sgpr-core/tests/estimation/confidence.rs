@@ -2,8 +2,8 @@
 
 use sgpr_core::dynamics::Samples;
 use sgpr_core::identification::{
-    Equations, INSTRUMENTAL_VARIABLES, LeastSquares, Method, block_bootstrap, essential_parameters, hac_covariance,
-    residual_correlation,
+    Equations, INSTRUMENTAL_VARIABLES, LeastSquares, Method, block_bootstrap, essential_parameters,
+    hac_covariance, residual_correlation,
 };
 
 use crate::arm::{Experiment, trajectory};
@@ -23,7 +23,8 @@ fn coloured(samples: usize, memory: f64, random: &mut Noise) -> Vec<f64> {
     noise
 }
 
-/// Shares of intervals of 95 % that hold the truth, over many experiments of 2500 samples in `parts` logs.
+/// Shares of intervals of 95 % that hold the truth, over many experiments of 2500 samples in
+/// `parts` logs.
 struct Coverage {
     /// Rows taken as independent.
     naive: f64,
@@ -44,24 +45,32 @@ fn coverage(memory: f64, parts: usize, seed: u64) -> Coverage {
     let mut hits = [0; 4];
     for _ in 0..EXPERIMENTS {
         // Logs were taken at different times: the noise of one knows nothing of that of another.
-        let noise: Vec<f64> = (0..parts).flat_map(|_| coloured(SAMPLES / parts, memory, &mut random)).collect();
+        let noise: Vec<f64> =
+            (0..parts).flat_map(|_| coloured(SAMPLES / parts, memory, &mut random)).collect();
         let tau: Vec<f64> = motion.tau.iter().zip(&noise).map(|(tau, noise)| tau + noise).collect();
         let logs = (0..parts).map(|part| {
             let rows = part * SAMPLES / parts * 2..(part + 1) * SAMPLES / parts * 2;
-            let samples =
-                Samples { q: &motion.q[rows.clone()], dq: &motion.dq[rows.clone()], ddq: &motion.ddq[rows.clone()] };
+            let samples = Samples {
+                q: &motion.q[rows.clone()],
+                dq: &motion.dq[rows.clone()],
+                ddq: &motion.ddq[rows.clone()],
+            };
             trajectory(&motion, &tau[rows]).with_samples(samples)
         });
         let mut equations = Equations::new(robot, set, base, logs.collect());
         let factors = equations.factors().expect("good data");
-        let plain = LeastSquares::new(Method::Wls).solve(&factors, base, &nominal).expect("good data");
-        let correlation = residual_correlation(&mut equations, &factors, &plain.values).expect("good data");
-        let remembering = LeastSquares::new(Method::Wls).with_correlation(Some(correlation.clone()));
+        let plain =
+            LeastSquares::new(Method::Wls).solve(&factors, base, &nominal).expect("good data");
+        let correlation =
+            residual_correlation(&mut equations, &factors, &plain.values).expect("good data");
+        let remembering =
+            LeastSquares::new(Method::Wls).with_correlation(Some(correlation.clone()));
         let fit = remembering.solve(&factors, base, &nominal).expect("good data");
         let mut widened = fit.clone();
         widened.widen_for_few_rows(&factors, &correlation);
         let hac = hac_covariance(&mut equations, &factors, &fit, None).expect("good data");
-        let bootstrap = block_bootstrap(&mut equations, &factors, &fit, 200, None).expect("good data");
+        let bootstrap =
+            block_bootstrap(&mut equations, &factors, &fit, 200, None).expect("good data");
         let intervals = bootstrap.intervals(0.95);
         for k in 0..expected.len() {
             let error = (fit.values[k] - expected[k]).abs();
@@ -71,12 +80,17 @@ fn coverage(memory: f64, parts: usize, seed: u64) -> Coverage {
             hits[3] += usize::from((intervals[k][0]..intervals[k][1]).contains(&expected[k]));
         }
     }
-    let [naive, memory, hac, bootstrap] = hits.map(|hits| hits as f64 / (EXPERIMENTS * expected.len()) as f64);
-    println!("{parts} logs covered: naive {naive:.3}, memory {memory:.3}, HAC {hac:.3}, bootstrap {bootstrap:.3}");
+    let [naive, memory, hac, bootstrap] =
+        hits.map(|hits| hits as f64 / (EXPERIMENTS * expected.len()) as f64);
+    println!(
+        "{parts} logs covered: naive {naive:.3}, memory {memory:.3}, HAC {hac:.3}, bootstrap \
+         {bootstrap:.3}"
+    );
     Coverage { naive, memory, hac, bootstrap }
 }
 
-/// Of 2750 intervals, those of one experiment are not independent: 1.5 hundredths are two deviations.
+/// Of 2750 intervals, those of one experiment are not independent: 1.5 hundredths are two
+/// deviations.
 const NOMINAL: std::ops::Range<f64> = 0.935..0.965;
 
 #[test]
@@ -98,7 +112,8 @@ fn intervals_of_several_logs_cover() {
 
 #[test]
 fn intervals_cover_where_there_is_little_to_learn_the_noise_from() {
-    // 65 independent rows per joint for 11 parameters: how much the noise remembers is itself hardly known.
+    // 65 independent rows per joint for 11 parameters: how much the noise remembers is itself
+    // hardly known.
     let Coverage { naive, memory, hac, bootstrap } = coverage(0.95, 1, 5);
     assert!(naive < 0.5, "{naive}");
     for cover in [memory, hac, bootstrap] {
@@ -106,8 +121,8 @@ fn intervals_cover_where_there_is_little_to_learn_the_noise_from() {
     }
 }
 
-/// Share of intervals of instrumental variables that hold the truth, and its standard error: intervals of one experiment
-/// are not independent.
+/// Share of intervals of instrumental variables that hold the truth, and its standard error:
+/// intervals of one experiment are not independent.
 fn coverage_with_instruments(positions: f64, memory: f64, seed: u64) -> [f64; 2] {
     const EXPERIMENTS: usize = 400;
     let experiment = Experiment::new(2500);
@@ -117,20 +132,24 @@ fn coverage_with_instruments(positions: f64, memory: f64, seed: u64) -> [f64; 2]
     let mut shares = Vec::with_capacity(EXPERIMENTS);
     for _ in 0..EXPERIMENTS {
         // Second differences of white noise in the positions: the sum over time is next to nothing.
-        let white: Vec<f64> = (0..motion.q.len() + 4).map(|_| positions * random.normal()).collect();
+        let white: Vec<f64> =
+            (0..motion.q.len() + 4).map(|_| positions * random.normal()).collect();
         let mut noisy = motion.clone();
         for (k, ddq) in noisy.ddq.iter_mut().enumerate() {
             *ddq += white[k] - 2.0 * white[k + 2] + white[k + 4];
         }
         let noise = coloured(2500, memory, &mut random);
-        let tau: Vec<f64> = motion.tau.iter().zip(noise).map(|(tau, noise)| tau + 0.5 * noise).collect();
-        let found = experiment.estimate(&INSTRUMENTAL_VARIABLES.method(), &noisy, &tau).expect("good data");
+        let tau: Vec<f64> =
+            motion.tau.iter().zip(noise).map(|(tau, noise)| tau + 0.5 * noise).collect();
+        let found =
+            experiment.estimate(&INSTRUMENTAL_VARIABLES.method(), &noisy, &tau).expect("good data");
         let spread = found.standard_deviations();
         let covered = |k: &usize| (found.values[*k] - expected[*k]).abs() < 1.96 * spread[*k];
         shares.push((0..expected.len()).filter(covered).count() as f64 / expected.len() as f64);
     }
     let mean = shares.iter().sum::<f64>() / EXPERIMENTS as f64;
-    let variance = shares.iter().map(|share| (share - mean).powi(2)).sum::<f64>() / (EXPERIMENTS - 1) as f64;
+    let variance =
+        shares.iter().map(|share| (share - mean).powi(2)).sum::<f64>() / (EXPERIMENTS - 1) as f64;
     let error = (variance / EXPERIMENTS as f64).sqrt();
     println!("instruments, positions {positions}, memory {memory}: covered {mean:.4} ± {error:.4}");
     [mean, error]
@@ -140,7 +159,10 @@ fn coverage_with_instruments(positions: f64, memory: f64, seed: u64) -> [f64; 2]
 fn intervals_of_instrumental_variables_cover() {
     for (positions, memory, seed) in [(1.0, 0.0, 29), (0.0, 0.8, 43), (1.0, 0.8, 47)] {
         let [cover, error] = coverage_with_instruments(positions, memory, seed);
-        assert!((cover - 0.95).abs() < 0.005 + 2.5 * error, "{positions} {memory}: {cover} ± {error}");
+        assert!(
+            (cover - 0.95).abs() < 0.005 + 2.5 * error,
+            "{positions} {memory}: {cover} ± {error}"
+        );
     }
 }
 
@@ -162,15 +184,24 @@ fn what_the_data_do_not_support_is_left_out_and_nothing_else() {
         .map(|fold| {
             let n = 2;
             let part = fold * 750 * n..(fold + 1) * 750 * n;
-            let samples =
-                Samples { q: &motion.q[part.clone()], dq: &motion.dq[part.clone()], ddq: &motion.ddq[part.clone()] };
+            let samples = Samples {
+                q: &motion.q[part.clone()],
+                dq: &motion.dq[part.clone()],
+                ddq: &motion.ddq[part.clone()],
+            };
             let trajectory = trajectory(&motion, &tau[part]).with_samples(samples);
-            let equations = Equations::new(&experiment.robot, &experiment.set, &experiment.base, vec![trajectory]);
+            let equations = Equations::new(
+                &experiment.robot,
+                &experiment.set,
+                &experiment.base,
+                vec![trajectory],
+            );
             equations.factors().expect("good data")
         })
         .collect();
     let found = essential_parameters(&folds, experiment.base.rank(), |_| 0.3).expect("good data");
-    let dropped: Vec<&str> = found.dropped.iter().map(|gone| experiment.base.names()[gone.base].as_str()).collect();
+    let dropped: Vec<&str> =
+        found.dropped.iter().map(|gone| experiment.base.names()[gone.base].as_str()).collect();
     assert!(gone.iter().all(|name| dropped.contains(name)), "{dropped:?}");
     let expected = experiment.base.combine(&truth);
     for (k, (value, expected)) in found.values.iter().zip(&expected).enumerate() {

@@ -1,15 +1,18 @@
 //! Parameters of bodies: near the data, inside the limits, and a reason where there are none.
 
 use sgpr_core::identification::{
-    Consistency, ConsistentParameters, DEVIATIONS, Distance, IdentificationError, LeftOut, LinkBounds, Method,
-    ParameterBounds, PhysicalBounds, Prior, Region,
+    Consistency, ConsistentParameters, DEVIATIONS, Distance, IdentificationError, LeftOut,
+    LinkBounds, Method, ParameterBounds, PhysicalBounds, Prior, Region,
 };
 use sgpr_core::spatial::LinkInertia;
 
 use crate::arm::{Experiment, largest_difference};
 use crate::noise::Noise;
 
-fn solve(consistency: &Consistency, noise: f64) -> (Experiment, Result<ConsistentParameters, IdentificationError>) {
+fn solve(
+    consistency: &Consistency,
+    noise: f64,
+) -> (Experiment, Result<ConsistentParameters, IdentificationError>) {
     let experiment = Experiment::new(1500);
     let motion = experiment.run(&experiment.truth);
     let mut random = Noise(7);
@@ -18,13 +21,20 @@ fn solve(consistency: &Consistency, noise: f64) -> (Experiment, Result<Consisten
     let mut nominal = experiment.truth.clone();
     nominal[experiment.set.inertial()..].fill(0.0);
     let torque = [20.0, 5.0];
-    let found =
-        consistency.solve(&experiment.robot, &experiment.set, &experiment.base, &estimate.whitened, &nominal, &torque);
+    let found = consistency.solve(
+        &experiment.robot,
+        &experiment.set,
+        &experiment.base,
+        &estimate.whitened,
+        &nominal,
+        &torque,
+    );
     (experiment, found)
 }
 
 fn of_distance(distance: Distance) -> Consistency {
-    Consistency::default().with_prior(Prior::default().with_distance(distance).with_relative_deviation(1.0))
+    Consistency::default()
+        .with_prior(Prior::default().with_distance(distance).with_relative_deviation(1.0))
 }
 
 #[test]
@@ -35,11 +45,16 @@ fn a_consistent_arm_is_near_the_data_and_made_of_bodies() {
         // Point masses lie on the border of what bodies are, and noise pushes the estimate over it.
         let error = largest_difference(&found.base, &experiment.expected());
         assert!(error < 0.1, "{distance:?}: {error}");
-        assert!(largest_difference(&experiment.base.combine(&found.parameters), &found.base) < 1e-12);
+        assert!(
+            largest_difference(&experiment.base.combine(&found.parameters), &found.base) < 1e-12
+        );
         for (link, values) in found.links.iter().zip(found.parameters.as_chunks::<10>().0) {
             assert!(link.smallest_eigenvalue > 0.0 && link.relative_eigenvalue > 0.0, "{link:?}");
             let body = LinkInertia::from_standard_parameters(values);
-            assert!((body.smallest_pseudo_inertia_eigenvalue() - link.smallest_eigenvalue).abs() < 1e-12);
+            assert!(
+                (body.smallest_pseudo_inertia_eigenvalue() - link.smallest_eigenvalue).abs()
+                    < 1e-12
+            );
             let [a, b, c] = link.principal_moments;
             assert!(a > 0.0 && c <= a + b + 1e-12, "{link:?}");
         }
@@ -103,7 +118,9 @@ fn limits_that_contradict_each_other_are_named_and_no_others() {
         .with_total_mass(Some([0.0, 2.5]));
     let (_, found) = solve(&Consistency::default().with_bounds(bounds), 0.1);
     let message = found.expect_err("no arm").to_string();
-    for word in ["`joint_1` at least 2 kg", "`joint_2` at least 1 kg", "all links together at most 2.5 kg"] {
+    for word in
+        ["`joint_1` at least 2 kg", "`joint_2` at least 1 kg", "all links together at most 2.5 kg"]
+    {
         assert!(message.contains(word), "{message}");
     }
     assert!(!message.contains("at most 9"), "{message}");
@@ -124,15 +141,18 @@ fn limits_on_what_is_not_there_are_refused() {
     assert!(bad(PhysicalBounds::default().with_links(links)).contains("elbow"));
     let parameters = vec![ParameterBounds::new("joint_1.Q").with_lowest(Some(0.0))];
     assert!(bad(PhysicalBounds::default().with_parameters(parameters)).contains("joint_1.Q"));
-    assert!(bad(PhysicalBounds::default().with_total_mass(Some([f64::NAN, 1.0]))).contains("number"));
+    assert!(
+        bad(PhysicalBounds::default().with_total_mass(Some([f64::NAN, 1.0]))).contains("number")
+    );
 }
 
 #[test]
 fn the_limit_that_is_wrong_is_the_dearest() {
-    // Friction of joint 1 is 0.5 N·m·s/rad; a limit far above it costs most of what the limits cost together.
+    // Friction of joint 1 is 0.5 N·m·s/rad; a limit far above it costs most of what the limits cost
+    // together.
     let parameters = vec![ParameterBounds::new("joint_1.Fv").with_lowest(Some(1.5))];
-    let consistency =
-        of_distance(Distance::Euclidean).with_bounds(PhysicalBounds::default().with_parameters(parameters));
+    let consistency = of_distance(Distance::Euclidean)
+        .with_bounds(PhysicalBounds::default().with_parameters(parameters));
     let experiment = Experiment::new(1500);
     let motion = experiment.run(&experiment.truth);
     let mut random = Noise(7);
@@ -141,7 +161,9 @@ fn the_limit_that_is_wrong_is_the_dearest() {
     let mut nominal = experiment.truth.clone();
     nominal[experiment.set.inertial()..].fill(0.0);
     let (robot, set, base) = (&experiment.robot, &experiment.set, &experiment.base);
-    let costs = consistency.costs(robot, set, base, &estimate.whitened, &nominal, &[20.0, 5.0]).expect("an arm");
+    let costs = consistency
+        .costs(robot, set, base, &estimate.whitened, &nominal, &[20.0, 5.0])
+        .expect("an arm");
     let prices = costs.prices;
     assert!(prices[0].limit.contains("joint_1.Fv at least 1.5"), "{prices:?}");
     assert!(prices[0].share > 0.9, "{prices:?}");
@@ -149,7 +171,8 @@ fn the_limit_that_is_wrong_is_the_dearest() {
     assert_eq!(costs.stages[0].limit, prices[0].limit);
     assert!(costs.stages[0].residual_percent < 0.1 * costs.residual_percent, "{:?}", costs.stages);
     // Limits that the data keep anyway cost nothing worth a name.
-    let costs = Consistency::default().costs(robot, set, base, &estimate.whitened, &nominal, &[20.0, 5.0]);
+    let costs =
+        Consistency::default().costs(robot, set, base, &estimate.whitened, &nominal, &[20.0, 5.0]);
     assert!(costs.expect("an arm").prices.iter().all(|price| !price.limit.contains("joint_1.Fv")));
 }
 
@@ -168,15 +191,25 @@ fn a_robot_file_that_is_right_helps_to_predict() {
                 dq: &motion.dq[part.clone()],
                 ddq: &motion.ddq[part.clone()],
             };
-            let mut observation =
-                sgpr_core::identification::Observation::new(&experiment.robot, &experiment.set, &experiment.base);
+            let mut observation = sgpr_core::identification::Observation::new(
+                &experiment.robot,
+                &experiment.set,
+                &experiment.base,
+            );
             observation.add_samples(samples, &tau[part], None).expect("good data");
             observation.factors()
         })
         .collect();
     let parts = LeftOut::new(&folds, |_| 3.0, experiment.base.rank());
     let scores = of_distance(Distance::Euclidean)
-        .cross_validate(&experiment.robot, &experiment.set, &experiment.base, &parts, &experiment.truth, &[20.0, 5.0])
+        .cross_validate(
+            &experiment.robot,
+            &experiment.set,
+            &experiment.base,
+            &parts,
+            &experiment.truth,
+            &[20.0, 5.0],
+        )
         .expect("an arm");
     assert_eq!(scores.iter().map(|(deviation, _)| *deviation).collect::<Vec<_>>(), DEVIATIONS);
     // Errors are in units of the noise, which was 3 N·m.

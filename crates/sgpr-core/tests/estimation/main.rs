@@ -1,4 +1,5 @@
-//! Estimators, physical consistency, payloads, confidence and screening, on an arm of which everything is known.
+//! Estimators, physical consistency, payloads, confidence and screening, on an arm of which
+//! everything is known.
 #![allow(missing_docs)]
 
 mod arm;

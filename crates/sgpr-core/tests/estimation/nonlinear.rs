@@ -1,12 +1,16 @@
-//! Effects with constants, identified with everything else: they come out as they were put in, and bodies stay bodies.
+//! Effects with constants, identified with everything else: they come out as they were put in, and
+//! bodies stay bodies.
 
 use sgpr_core::diagnosis::{DiagnosisOptions, add, diagnose};
 use sgpr_core::dynamics::Samples;
 use sgpr_core::effects::{Entry, Site, by_name, registry};
 use sgpr_core::identification::{
-    self, BaseParameters, Consistency, Equations, LinkBounds, OUTPUT_ERROR, ParameterSet, PhysicalBounds,
+    self, BaseParameters, Consistency, Equations, LinkBounds, OUTPUT_ERROR, ParameterSet,
+    PhysicalBounds,
 };
-use sgpr_core::model::{Controller, IdentifyError, IdentifyOptions, Term, TorqueModel, Trajectory, compare, identify};
+use sgpr_core::model::{
+    Controller, IdentifyError, IdentifyOptions, Term, TorqueModel, Trajectory, compare, identify,
+};
 use sgpr_core::motion::{Conditioning, Motion};
 use sgpr_core::recording::{Channel, Recording};
 use sgpr_core::robot::{Robot, two_link};
@@ -20,7 +24,8 @@ type Case = (&'static str, Site, &'static [f64], &'static [f64], f64);
 const FRICTION: [&str; 2] = ["viscous_friction", "coulomb_friction"];
 
 fn put_in(name: &str, site: Site, constants: &[f64], coefficients: &[f64]) -> Term {
-    let mut term = Term::new(by_name(name).expect("an effect of the library"), site, constants.to_vec());
+    let mut term =
+        Term::new(by_name(name).expect("an effect of the library"), site, constants.to_vec());
     term.coefficients = coefficients.to_vec();
     term
 }
@@ -30,10 +35,18 @@ fn log(robot: &Robot, terms: &[Term], seconds: f64, phase: f64, noise: f64) -> R
     log_with(robot, terms, seconds, phase, noise, &mut Noise(11))
 }
 
-fn log_with(robot: &Robot, terms: &[Term], seconds: f64, phase: f64, noise: f64, random: &mut Noise) -> Recording {
+fn log_with(
+    robot: &Robot,
+    terms: &[Term],
+    seconds: f64,
+    phase: f64,
+    noise: f64,
+    random: &mut Noise,
+) -> Recording {
     let mut parameters = robot.standard_parameters();
     parameters.extend([0.8, 1.0, 0.5, 0.6]);
-    let model = TorqueModel::with_parameters(robot, &FRICTION, parameters).expect("effects of the library");
+    let model =
+        TorqueModel::with_parameters(robot, &FRICTION, parameters).expect("effects of the library");
     let model = model.with_terms(terms.to_vec(), Some(0));
     let (mut q, mut dq, mut ddq, mut time) = (vec![], vec![], vec![], vec![]);
     for k in 0..(seconds * RATE) as usize {
@@ -41,18 +54,24 @@ fn log_with(robot: &Robot, terms: &[Term], seconds: f64, phase: f64, noise: f64,
         time.push(t);
         for joint in 0..2 {
             let shift = phase + joint as f64;
-            let waves = [(0.7, 0.9), (0.4, 2.3), (0.2, 4.1)].map(|(size, pulse)| (size, pulse * (1.0 + 0.13 * shift)));
-            let sum = |f: &dyn Fn(f64, f64) -> f64| waves.iter().map(|(a, w)| f(*a, *w)).sum::<f64>();
+            let waves = [(0.7, 0.9), (0.4, 2.3), (0.2, 4.1)]
+                .map(|(size, pulse)| (size, pulse * (1.0 + 0.13 * shift)));
+            let sum =
+                |f: &dyn Fn(f64, f64) -> f64| waves.iter().map(|(a, w)| f(*a, *w)).sum::<f64>();
             q.push(sum(&|a, w| a * (w * t + shift).sin()));
             dq.push(sum(&|a, w| a * w * (w * t + shift).cos()));
             ddq.push(sum(&|a, w| -a * w * w * (w * t + shift).sin()));
         }
     }
-    let temperature = Channel { name: "temperature".into(), values: time.iter().map(|t| 20.0 + t).collect() };
+    let temperature =
+        Channel { name: "temperature".into(), values: time.iter().map(|t| 20.0 + t).collect() };
     let channels = vec![temperature];
     let samples = Samples { q: &q, dq: &dq, ddq: &ddq };
     let torque = model.predict_trajectory(
-        &Trajectory::of_samples(samples).with_rate_hz(RATE).with_time(&time).with_channels(&channels),
+        &Trajectory::of_samples(samples)
+            .with_rate_hz(RATE)
+            .with_time(&time)
+            .with_channels(&channels),
     );
     let tau = torque.into_iter().map(|tau| tau + noise * random.normal()).collect();
     let stamps = time.iter().map(|t| (t * 1e9).round() as i64).collect();
@@ -91,30 +110,50 @@ fn constants_come_out_as_they_were_put_in() {
         assert_eq!(found.len(), 1, "{name}");
         assert_eq!((found[0].effect.name(), found[0].site), (name, site));
         for (value, truth) in found[0].constants.iter().zip(constants) {
-            assert!((value - truth).abs() < tolerance * truth.abs(), "{name}: {:?}, {constants:?}", found[0].constants);
+            assert!(
+                (value - truth).abs() < tolerance * truth.abs(),
+                "{name}: {:?}, {constants:?}",
+                found[0].constants
+            );
         }
         for (value, truth) in found[0].coefficients.iter().zip(coefficients) {
-            assert!((value - truth).abs() < 0.1 * truth.abs(), "{name}: {:?}, {coefficients:?}", found[0].coefficients);
+            assert!(
+                (value - truth).abs() < 0.1 * truth.abs(),
+                "{name}: {:?}, {coefficients:?}",
+                found[0].coefficients
+            );
         }
-        assert!(found[0].constant_deviations.iter().all(|deviation| *deviation > 0.0), "{name}: {:?}", found[0]);
+        assert!(
+            found[0].constant_deviations.iter().all(|deviation| *deviation > 0.0),
+            "{name}: {:?}",
+            found[0]
+        );
         let error = |model: &TorqueModel| {
             let other = [log(&robot, std::slice::from_ref(&term), 20.0, 0.7, 0.0)];
             compare(model, &other, None).expect("a log").relative_error_percent
         };
         let (plain, _) = identify(&robot, &logs, &options(&[]), &()).expect("good data");
-        assert!(error(&model) < 0.3 * error(&plain), "{name}: {} of {}", error(&model), error(&plain));
+        assert!(
+            error(&model) < 0.3 * error(&plain),
+            "{name}: {} of {}",
+            error(&model),
+            error(&plain)
+        );
         let again = TorqueModel::from_bytes(&model.to_bytes(), "memory").expect("a model");
         assert_eq!(error(&again), error(&model));
     }
 }
 
-/// Share of the samples of joint 2, on another motion and over many experiments, that lie within 1.96 standard deviations
-/// of the truth: with the covariance of all estimates, and with that of the base parameters alone.
+/// Share of the samples of joint 2, on another motion and over many experiments, that lie within
+/// 1.96 standard deviations of the truth: with the covariance of all estimates, and with that of
+/// the base parameters alone.
 fn coverage(terms: &[Term], noise: f64, experiments: usize) -> [f64; 2] {
     let robot = two_link();
-    let names: Vec<String> = terms.iter().map(|term| format!("{}@joint_2", term.effect.name())).collect();
+    let names: Vec<String> =
+        terms.iter().map(|term| format!("{}@joint_2", term.effect.name())).collect();
     let options = options(&names.iter().map(String::as_str).collect::<Vec<_>>());
-    let (first, _) = identify(&robot, &[log(&robot, terms, 12.0, 0.0, noise)], &options, &()).expect("good data");
+    let (first, _) = identify(&robot, &[log(&robot, terms, 12.0, 0.0, noise)], &options, &())
+        .expect("good data");
     let truth = [log(&robot, terms, 12.0, 0.4, 0.0)];
     let truth = compare(&TorqueModel::nominal(&robot), &truth, first.processing()).expect("a log");
     let (expected, motion) = (truth.logs[0].measured(), &truth.logs[0].motion);
@@ -151,7 +190,8 @@ fn deviation_of_base(model: &TorqueModel, motion: &Motion) -> Vec<f64> {
     let mut equations = Equations::new(robot, &set, &base, vec![rows]);
     let visited = equations.for_each(|equation| {
         let pairs = || equation.columns.iter().zip(equation.row);
-        let products = pairs().flat_map(|(i, a)| pairs().map(move |(j, b)| a * b * fit.covariance[i * rank + j]));
+        let products = pairs()
+            .flat_map(|(i, a)| pairs().map(move |(j, b)| a * b * fit.covariance[i * rank + j]));
         deviation[equation.sample * dof + equation.joint] = products.sum::<f64>().sqrt();
     });
     visited.expect("finite samples");
@@ -160,12 +200,14 @@ fn deviation_of_base(model: &TorqueModel, motion: &Motion) -> Vec<f64> {
 
 #[test]
 fn bands_of_the_torque_know_of_effects_and_their_constants() {
-    // What is not known of Stribeck friction is not known of Coulomb friction either, whose deviation covers for it (so it is
-    // with hysteresis); a ripple is nothing that base parameters could take for theirs.
+    // What is not known of Stribeck friction is not known of Coulomb friction either, whose
+    // deviation covers for it (so it is with hysteresis); a ripple is nothing that base parameters
+    // could take for theirs.
     let cases: [(&str, &[f64], &[f64], f64); 2] =
         [("stribeck_friction", &[0.3], &[1.5], 0.96), ("torque_ripple", &[7.0], &[0.4, 0.3], 0.9)];
     for (name, constants, coefficients, most) in cases {
-        let [all, base] = coverage(&[put_in(name, Site::Joint(1), constants, coefficients)], 0.5, 50);
+        let [all, base] =
+            coverage(&[put_in(name, Site::Joint(1), constants, coefficients)], 0.5, 50);
         println!("{name}: bands cover {all:.3}, without what is not known of the effect {base:.3}");
         // Errors along one motion go together: fifty experiments of some twenty parameters.
         assert!((0.93..0.975).contains(&all) && base < all.min(most), "{name}: {all} {base}");
@@ -187,7 +229,8 @@ fn bands_of_the_torque_know_of_a_scale_beside_other_effects() {
 fn every_effect_of_the_torque_can_be_identified() {
     let robot = two_link();
     let logs = [log(&robot, &[], 12.0, 0.0, 0.02)];
-    let error = |model: &TorqueModel| compare(model, &logs, None).expect("a log").relative_error_percent;
+    let error =
+        |model: &TorqueModel| compare(model, &logs, None).expect("a log").relative_error_percent;
     let (plain, _) = identify(&robot, &logs, &options(&[]), &()).expect("good data");
     let mut worse = Vec::new();
     for effect in registry().iter().filter(|effect| effect.entry() != Entry::Gate) {
@@ -199,7 +242,8 @@ fn every_effect_of_the_torque_can_be_identified() {
         }
     }
     assert!(worse.is_empty(), "{worse:?} after {}", error(&plain));
-    let gate = identify(&robot, &logs, &options(&["time_base_error"]), &()).expect_err("no effect of the torque");
+    let gate = identify(&robot, &logs, &options(&["time_base_error"]), &())
+        .expect_err("no effect of the torque");
     assert!(matches!(gate, IdentifyError::NotTestable { .. }), "{gate}");
 }
 
@@ -207,33 +251,45 @@ fn every_effect_of_the_torque_can_be_identified() {
 fn a_consistent_arm_with_a_cable_stays_one_when_an_effect_is_added() {
     let robot = two_link();
     let cable = [put_in("cable_hysteresis", Site::Joint(1), &[0.3], &[1.5])];
-    let (train, test) = ([log(&robot, &cable, 30.0, 0.0, 0.05)], [log(&robot, &cable, 20.0, 0.7, 0.05)]);
+    let (train, test) =
+        ([log(&robot, &cable, 30.0, 0.0, 0.05)], [log(&robot, &cable, 20.0, 0.7, 0.05)]);
     let joint = robot.joint_names().next().expect("a joint").to_string();
     let links = vec![LinkBounds::new(joint).with_mass(Some([0.1, f64::INFINITY]))];
     let bounds = PhysicalBounds::default().with_links(links);
     let consistency = Some(Consistency::default().with_bounds(bounds.clone()));
-    let (model, _) = identify(&robot, &train, &options(&[]).with_consistency(consistency), &()).expect("an arm");
+    let (model, _) =
+        identify(&robot, &train, &options(&[]).with_consistency(consistency), &()).expect("an arm");
     let model = TorqueModel::from_bytes(&model.to_bytes(), "memory").expect("a model");
-    let certificate = |model: &TorqueModel| model.fit().and_then(|fit| fit.consistency.clone()).expect("bodies");
+    let certificate =
+        |model: &TorqueModel| model.fit().and_then(|fit| fit.consistency.clone()).expect("bodies");
     assert_eq!(certificate(&model).bounds, bounds);
 
-    let diagnosis = diagnose(&model, &train, &test, &DiagnosisOptions::default(), &()).expect("good data");
+    let diagnosis =
+        diagnose(&model, &train, &test, &DiagnosisOptions::default(), &()).expect("good data");
     let finding = diagnosis.findings.iter().find(|finding| finding.effect == "cable_hysteresis");
     let added = add(&model, &[finding.expect("what was hidden")], &train).expect("good data");
     assert!(certificate(&added).links.iter().all(|link| link.relative_eigenvalue > 0.0));
     assert_eq!(certificate(&added).bounds, bounds);
     let term = &added.terms()[0];
-    assert!((term.constants[0] - 0.3).abs() < 0.05 && (term.coefficients[0] - 1.5).abs() < 0.2, "{term:?}");
-    let error = |model: &TorqueModel| compare(model, &test, None).expect("a log").relative_error_percent;
+    assert!(
+        (term.constants[0] - 0.3).abs() < 0.05 && (term.coefficients[0] - 1.5).abs() < 0.2,
+        "{term:?}"
+    );
+    let error =
+        |model: &TorqueModel| compare(model, &test, None).expect("a log").relative_error_percent;
     assert!(error(&added) < 0.5 * error(&model), "{} of {}", error(&added), error(&model));
-    assert!(added.provenance().history.last().is_some_and(|line| line.contains("cable_hysteresis")));
+    assert!(
+        added.provenance().history.last().is_some_and(|line| line.contains("cable_hysteresis"))
+    );
 }
 
 #[test]
 fn what_cannot_be_is_said() {
     let robot = two_link();
     let logs = [log(&robot, &[], 6.0, 0.0, 0.02)];
-    let failed = |options: &IdentifyOptions| identify(&robot, &logs, options, &()).expect_err("it cannot be");
+    let failed = |options: &IdentifyOptions| {
+        identify(&robot, &logs, options, &()).expect_err("it cannot be")
+    };
     let nowhere = failed(&options(&["cable_hysteresis@elbow"]));
     assert!(nowhere.to_string().contains("joint_2"), "{nowhere}");
     let whole = failed(&options(&["base_tilt@joint_1"]));
@@ -256,6 +312,7 @@ fn what_cannot_be_is_said() {
         vec![],
     )
     .expect("a log")];
-    let cold = identify(&robot, &cold, &options(&["temperature_dependent_friction"]), &()).expect_err("no temperature");
+    let cold = identify(&robot, &cold, &options(&["temperature_dependent_friction"]), &())
+        .expect_err("no temperature");
     assert!(matches!(cold, IdentifyError::NotTestable { .. }), "{cold}");
 }

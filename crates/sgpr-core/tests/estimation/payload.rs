@@ -3,8 +3,8 @@
 use sgpr_core::dynamics::{BatchWorkspace, Samples, rnea_batch};
 use sgpr_core::effects::JointState;
 use sgpr_core::identification::{
-    BaseParameters, Consistency, Equations, GainEstimator, GainOptions, JointFactor, KnownPayload, ParameterSet,
-    PayloadOptions, SimulatedMotion, identify_drive_gains, identify_payload,
+    BaseParameters, Consistency, Equations, GainEstimator, GainOptions, JointFactor, KnownPayload,
+    ParameterSet, PayloadOptions, SimulatedMotion, identify_drive_gains, identify_payload,
 };
 use sgpr_core::robot::{Robot, puma560};
 
@@ -25,7 +25,9 @@ struct Puma {
 impl Puma {
     fn new() -> Self {
         let robot = puma560();
-        let set = ParameterSet::new(&robot, &["viscous_friction", "coulomb_friction", "rotor_inertia"]).expect("known");
+        let set =
+            ParameterSet::new(&robot, &["viscous_friction", "coulomb_friction", "rotor_inertia"])
+                .expect("known");
         let base = BaseParameters::new(&robot, &set);
         let mut truth = robot.standard_parameters();
         truth.extend((0..set.len() - set.inertial()).map(|k| 0.3 + 0.1 * k as f64));
@@ -60,7 +62,11 @@ impl Puma {
         let mut random = Noise(seed);
         for (k, tau) in motion.tau.chunks_exact_mut(n).enumerate() {
             let row = k * n..(k + 1) * n;
-            let state = JointState { q: &motion.q[row.clone()], dq: &motion.dq[row.clone()], ddq: &motion.ddq[row] };
+            let state = JointState {
+                q: &motion.q[row.clone()],
+                dq: &motion.dq[row.clone()],
+                ddq: &motion.ddq[row],
+            };
             self.set.add_effect_torque(&parameters, &state, tau);
             for (tau, gain) in tau.iter_mut().zip(gains) {
                 *tau = (*tau + noise * random.normal()) / gain;
@@ -71,7 +77,9 @@ impl Puma {
 
     fn factors(&self, motion: &SimulatedMotion) -> Vec<JointFactor> {
         let trajectories = vec![trajectory(motion, &motion.tau)];
-        Equations::new(&self.robot, &self.set, &self.base, trajectories).factors().expect("good data")
+        Equations::new(&self.robot, &self.set, &self.base, trajectories)
+            .factors()
+            .expect("good data")
     }
 
     fn nominal(&self) -> Vec<f64> {
@@ -82,12 +90,16 @@ impl Puma {
 #[test]
 fn without_noise_the_payload_comes_back() {
     let puma = Puma::new();
-    let (unloaded, loaded) = (puma.run(&[0.0; 10], 0.0, &[1.0; 6], 1), puma.run(&PAYLOAD, 0.0, &[1.0; 6], 2));
+    let (unloaded, loaded) =
+        (puma.run(&[0.0; 10], 0.0, &[1.0; 6], 1), puma.run(&PAYLOAD, 0.0, &[1.0; 6], 2));
     let factors = [&puma.factors(&unloaded)[..], &puma.factors(&loaded)[..]];
     for friction_may_change in [false, true] {
-        let options = PayloadOptions::new(LINK).with_friction_may_change(friction_may_change).with_consistent(false);
+        let options = PayloadOptions::new(LINK)
+            .with_friction_may_change(friction_may_change)
+            .with_consistent(false);
         let found =
-            identify_payload(&puma.set, &puma.base, factors, &puma.nominal(), None, &options).expect("good data");
+            identify_payload(&puma.set, &puma.base, factors, &puma.nominal(), None, &options)
+                .expect("good data");
         for (value, expected) in found.parameters.iter().zip(PAYLOAD) {
             assert!((value - expected).abs() < 1e-8, "{value} {expected}");
         }
@@ -97,11 +109,15 @@ fn without_noise_the_payload_comes_back() {
 #[test]
 fn with_noise_the_payload_is_within_its_deviations_and_a_body() {
     let puma = Puma::new();
-    let (unloaded, loaded) = (puma.run(&[0.0; 10], 0.5, &[1.0; 6], 3), puma.run(&PAYLOAD, 0.5, &[1.0; 6], 4));
+    let (unloaded, loaded) =
+        (puma.run(&[0.0; 10], 0.5, &[1.0; 6], 3), puma.run(&PAYLOAD, 0.5, &[1.0; 6], 4));
     let factors = [&puma.factors(&unloaded)[..], &puma.factors(&loaded)[..]];
     let options = PayloadOptions::new(LINK);
-    let found = identify_payload(&puma.set, &puma.base, factors, &puma.nominal(), None, &options).expect("good data");
-    for ((value, expected), deviation) in found.parameters.iter().zip(PAYLOAD).zip(found.standard_deviations()) {
+    let found = identify_payload(&puma.set, &puma.base, factors, &puma.nominal(), None, &options)
+        .expect("good data");
+    for ((value, expected), deviation) in
+        found.parameters.iter().zip(PAYLOAD).zip(found.standard_deviations())
+    {
         assert!((value - expected).abs() < 4.0 * deviation, "{value} {expected} {deviation}");
     }
     assert!((found.mass() / 2.0 - 1.0).abs() < 0.03, "{}", found.mass());
@@ -120,10 +136,18 @@ fn gains_of_all_drives_follow_from_the_mass_of_the_payload() {
     let mut known = [None; 10];
     known[0] = Some(PAYLOAD[0]);
     for (noise, tolerance) in [(0.0, 1e-6), (0.5, 0.05)] {
-        let (unloaded, loaded) = (puma.run(&[0.0; 10], noise, &gains, 5), puma.run(&PAYLOAD, noise, &gains, 6));
+        let (unloaded, loaded) =
+            (puma.run(&[0.0; 10], noise, &gains, 5), puma.run(&PAYLOAD, noise, &gains, 6));
         let factors = [&puma.factors(&unloaded)[..], &puma.factors(&loaded)[..]];
-        let found = identify_drive_gains(&puma.robot, &puma.set, &puma.base, factors, None, &options(known))
-            .expect("good data");
+        let found = identify_drive_gains(
+            &puma.robot,
+            &puma.set,
+            &puma.base,
+            factors,
+            None,
+            &options(known),
+        )
+        .expect("good data");
         for (gain, expected) in found.gains.iter().zip(gains) {
             assert!((gain / expected - 1.0).abs() < tolerance, "{gain} {expected}");
         }
@@ -132,13 +156,20 @@ fn gains_of_all_drives_follow_from_the_mass_of_the_payload() {
         }
     }
     // Least squares keeps to its bounds.
-    let (unloaded, loaded) = (puma.run(&[0.0; 10], 0.5, &gains, 5), puma.run(&PAYLOAD, 0.5, &gains, 6));
+    let (unloaded, loaded) =
+        (puma.run(&[0.0; 10], 0.5, &gains, 5), puma.run(&PAYLOAD, 0.5, &gains, 6));
     let factors = [&puma.factors(&unloaded)[..], &puma.factors(&loaded)[..]];
     let lowest = gains.map(|gain| 0.97 * gain).to_vec();
-    let least_squares = options(known).with_estimator(GainEstimator::LeastSquares).with_lowest(lowest.clone());
+    let least_squares =
+        options(known).with_estimator(GainEstimator::LeastSquares).with_lowest(lowest.clone());
     let found =
-        identify_drive_gains(&puma.robot, &puma.set, &puma.base, factors, None, &least_squares).expect("good data");
-    assert!(found.gains.iter().zip(&lowest).all(|(gain, lowest)| *gain > lowest - 1e-5), "{:?}", found.gains);
+        identify_drive_gains(&puma.robot, &puma.set, &puma.base, factors, None, &least_squares)
+            .expect("good data");
+    assert!(
+        found.gains.iter().zip(&lowest).all(|(gain, lowest)| *gain > lowest - 1e-5),
+        "{:?}",
+        found.gains
+    );
     // Held to bodies the gains are as good, and lower bounds hold for the likelihood too.
     for estimator in [GainEstimator::MaximumLikelihood, GainEstimator::LeastSquares] {
         let bodies = options(known)
@@ -146,17 +177,28 @@ fn gains_of_all_drives_follow_from_the_mass_of_the_payload() {
             .with_lowest(gains.map(|gain| 0.5 * gain).to_vec())
             .with_consistency(Some(Consistency::default()));
         let found =
-            identify_drive_gains(&puma.robot, &puma.set, &puma.base, factors, None, &bodies).expect("good data");
+            identify_drive_gains(&puma.robot, &puma.set, &puma.base, factors, None, &bodies)
+                .expect("good data");
         for (gain, expected) in found.gains.iter().zip(gains) {
             // Noise draws least squares to zero.
             let lowest = if estimator == GainEstimator::LeastSquares { 0.5 - 1e-5 } else { 0.95 };
-            assert!((lowest..1.05).contains(&(gain / expected)), "{estimator:?}: {gain} {expected}");
+            assert!(
+                (lowest..1.05).contains(&(gain / expected)),
+                "{estimator:?}: {gain} {expected}"
+            );
         }
         let body = sgpr_core::spatial::LinkInertia::from_standard_parameters(&found.payload);
         assert!(body.smallest_pseudo_inertia_eigenvalue() > -1e-6, "{:?}", found.payload);
         assert_eq!(found.payload[0], PAYLOAD[0]);
     }
-    let nothing = identify_drive_gains(&puma.robot, &puma.set, &puma.base, [&[], &[]], None, &options([None; 10]));
+    let nothing = identify_drive_gains(
+        &puma.robot,
+        &puma.set,
+        &puma.base,
+        [&[], &[]],
+        None,
+        &options([None; 10]),
+    );
     assert!(nothing.expect_err("no scale").to_string().contains("payload"));
 }
 
@@ -172,15 +214,25 @@ fn intervals_of_the_gains_cover() {
         let unloaded = puma.run(&[0.0; 10], 0.5, &gains, 100 + 2 * pair);
         let loaded = puma.run(&PAYLOAD, 0.5, &gains, 101 + 2 * pair);
         let factors = [&puma.factors(&unloaded)[..], &puma.factors(&loaded)[..]];
-        let found = identify_drive_gains(&puma.robot, &puma.set, &puma.base, factors, None, &options(known));
+        let found = identify_drive_gains(
+            &puma.robot,
+            &puma.set,
+            &puma.base,
+            factors,
+            None,
+            &options(known),
+        );
         let found = found.expect("good data");
-        for ((gain, expected), deviation) in found.gains.iter().zip(gains).zip(&found.standard_deviations) {
+        for ((gain, expected), deviation) in
+            found.gains.iter().zip(gains).zip(&found.standard_deviations)
+        {
             let z = (gain - expected) / deviation;
             hits += usize::from(z.abs() < 1.96);
             squares += z * z;
         }
     }
-    // The gains of one pair share the noise of what the payload adds: these are some fifty independent intervals.
+    // The gains of one pair share the noise of what the payload adds: these are some fifty
+    // independent intervals.
     let count = (PAIRS * gains.len()) as f64;
     let (cover, ratio) = (hits as f64 / count, (squares / count).sqrt());
     println!("gains covered: {cover:.3}, errors are {ratio:.2} standard deviations");

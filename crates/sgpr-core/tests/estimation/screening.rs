@@ -1,7 +1,8 @@
 //! Mistakes that logs are made with are recognised, and a good log passes.
 
 use sgpr_core::identification::{
-    Equations, Finding, LeastSquares, Method, screen_delays, screen_factors, screen_rows, screen_scale,
+    Equations, Finding, LeastSquares, Method, screen_delays, screen_factors, screen_rows,
+    screen_scale,
 };
 
 use crate::arm::{Experiment, RATE, trajectory};
@@ -14,15 +15,21 @@ fn findings(spoil: impl Fn(usize, usize, f64) -> f64, shifts: [usize; 2]) -> Vec
     let mut random = Noise(29);
     let clean: Vec<f64> = motion.tau.iter().map(|tau| tau + 0.1 * random.normal()).collect();
     let late = |k: usize, joint: usize| clean[(k - shifts[joint].min(k)) * 2 + joint];
-    let tau: Vec<f64> = (0..clean.len()).map(|index| spoil(index / 2, index % 2, late(index / 2, index % 2))).collect();
+    let tau: Vec<f64> = (0..clean.len())
+        .map(|index| spoil(index / 2, index % 2, late(index / 2, index % 2)))
+        .collect();
     let (robot, set, base) = (&experiment.robot, &experiment.set, &experiment.base);
     let mut equations = Equations::new(robot, set, base, vec![trajectory(&motion, &tau)]);
     let factors = equations.factors().expect("good data");
-    let estimate = LeastSquares::new(Method::Wls).solve(&factors, base, &experiment.nominal()).expect("good data");
+    let estimate = LeastSquares::new(Method::Wls)
+        .solve(&factors, base, &experiment.nominal())
+        .expect("good data");
     let joints: Vec<String> = robot.joint_names().map(String::from).collect();
     let mut findings = screen_factors(set, base, &joints, &factors, &estimate);
     findings.extend(screen_scale(set, base, &experiment.nominal(), &factors));
-    findings.extend(screen_rows(&mut equations, &joints, &[RATE], &factors, &estimate).expect("good data"));
+    findings.extend(
+        screen_rows(&mut equations, &joints, &[RATE], &factors, &estimate).expect("good data"),
+    );
     findings.extend(screen_delays(&equations, &joints, &[RATE]).expect("good data"));
     findings
 }
@@ -58,7 +65,9 @@ fn a_torque_in_another_unit_is_named_with_its_factor() {
 fn a_gain_that_is_off_by_two_is_named() {
     for gain in [0.5, 2.0] {
         let found = findings(|_, joint, tau| if joint == 0 { gain * tau } else { tau }, [0, 0]);
-        let Some(Finding::Scaled { joint, factor }) = found.first() else { panic!("{gain}: {found:?}") };
+        let Some(Finding::Scaled { joint, factor }) = found.first() else {
+            panic!("{gain}: {found:?}")
+        };
         // What is certain is the ratio of the two.
         let ratio = if joint == "joint_1" { factor * gain } else { factor / gain };
         assert!((ratio - 1.0).abs() < 0.1, "{gain}: {found:?}");
@@ -78,7 +87,11 @@ fn a_late_torque_is_named_with_its_delay() {
             .collect();
         assert_eq!(late.len(), 1, "{found:?}");
         assert_eq!(late[0].0, "joint_2");
-        assert!((late[0].1 - samples as f64 / RATE).abs() < 0.5 / RATE, "{samples}: {}", late[0].1 * RATE);
+        assert!(
+            (late[0].1 - samples as f64 / RATE).abs() < 0.5 / RATE,
+            "{samples}: {}",
+            late[0].1 * RATE
+        );
     }
 }
 
@@ -86,10 +99,16 @@ fn a_late_torque_is_named_with_its_delay() {
 fn torques_that_are_all_late_have_one_clock() {
     for samples in [3, 20] {
         let found = findings(|_, _, tau| tau, [samples, samples]);
-        let late: Vec<_> =
-            found.iter().filter(|finding| matches!(finding, Finding::AllLate { .. } | Finding::Late { .. })).collect();
+        let late: Vec<_> = found
+            .iter()
+            .filter(|finding| matches!(finding, Finding::AllLate { .. } | Finding::Late { .. }))
+            .collect();
         let [Finding::AllLate { seconds, gain }] = late[..] else { panic!("{found:?}") };
-        assert!((seconds - samples as f64 / RATE).abs() < 0.5 / RATE, "{samples}: {}", seconds * RATE);
+        assert!(
+            (seconds - samples as f64 / RATE).abs() < 0.5 / RATE,
+            "{samples}: {}",
+            seconds * RATE
+        );
         assert!(*gain > 0.4, "{gain}");
         assert!(late[0].to_string().contains("ms after their motion"));
     }
@@ -107,7 +126,10 @@ fn torques_that_are_all_in_another_unit_are_told_from_the_robot_file() {
 
 #[test]
 fn a_spike_is_found_where_it_is() {
-    let found = findings(|k, joint, tau| if k == 1234 && joint == 0 { tau + 50.0 } else { tau }, [0, 0]);
-    let [Finding::Outliers { joint, count: 1, worst: (0, 1234), .. }] = &found[..] else { panic!("{found:?}") };
+    let found =
+        findings(|k, joint, tau| if k == 1234 && joint == 0 { tau + 50.0 } else { tau }, [0, 0]);
+    let [Finding::Outliers { joint, count: 1, worst: (0, 1234), .. }] = &found[..] else {
+        panic!("{found:?}")
+    };
     assert_eq!(joint, "joint_1");
 }

@@ -8,7 +8,8 @@ use sgpr_core::identification::{
     Consistency, ESTIMATORS, EstimatorNeeds, Method, RECURSIVE, RIDGE, TOTAL_LEAST_SQUARES,
 };
 use sgpr_core::model::{
-    IdentifyOptions, SemiParametricOptions, TorqueModel, Uncertainty, compare, fit_semi_parametric, identify, screen,
+    IdentifyOptions, SemiParametricOptions, TorqueModel, Uncertainty, compare, fit_semi_parametric,
+    identify, screen,
 };
 use sgpr_core::recording::{IssueKind, Recording, Repair, Severity, inspect, repair};
 use sgpr_core::robot::{Robot, two_link};
@@ -37,7 +38,12 @@ pub(crate) fn log(phase: f64) -> Recording {
         }
     }
     let mut tau = vec![0.0; q.len()];
-    rnea_batch(&robot, &mut BatchWorkspace::new(&robot), Samples { q: &q, dq: &dq, ddq: &ddq }, &mut tau);
+    rnea_batch(
+        &robot,
+        &mut BatchWorkspace::new(&robot),
+        Samples { q: &q, dq: &dq, ddq: &ddq },
+        &mut tau,
+    );
     // Noise from the digits of a logistic map.
     let mut state = 0.3 + 0.01 * phase;
     for (tau, dq) in tau.iter_mut().zip(&dq) {
@@ -46,7 +52,8 @@ pub(crate) fn log(phase: f64) -> Recording {
     }
     let names = robot.joint_names().map(String::from).collect();
     let time = (0..SAMPLES as i64).map(|k| k * PERIOD).collect();
-    Recording::new(format!("log_{phase}"), names, time, q, Some(dq), Some(tau), vec![]).expect("one length")
+    Recording::new(format!("log_{phase}"), names, time, q, Some(dq), Some(tau), vec![])
+        .expect("one length")
 }
 
 /// What is done to position, torque and time of a log.
@@ -79,18 +86,26 @@ impl Change {
         let n = log.dof();
         match *self {
             Self::ScaleTorque(factor) => tau.iter_mut().for_each(|tau| *tau *= factor),
-            Self::ScaleTorqueOf(joint, factor) => tau.iter_mut().skip(joint).step_by(n).for_each(|tau| *tau *= factor),
+            Self::ScaleTorqueOf(joint, factor) => {
+                tau.iter_mut().skip(joint).step_by(n).for_each(|tau| *tau *= factor)
+            }
             Self::ScalePosition(factor) => q.iter_mut().for_each(|q| *q *= factor),
             Self::ShiftPosition(shift) => q.iter_mut().for_each(|q| *q += shift),
             Self::PositionSpikes(value) => q.iter_mut().step_by(211).for_each(|q| *q = value),
             Self::TorqueSpikes(value) => tau.iter_mut().step_by(211).for_each(|tau| *tau = value),
             Self::AlternatePosition(value) => {
-                q.iter_mut().enumerate().for_each(|(k, q)| *q = if (k / n).is_multiple_of(2) { value } else { -value });
+                q.iter_mut()
+                    .enumerate()
+                    .for_each(|(k, q)| *q = if (k / n).is_multiple_of(2) { value } else { -value });
             }
             Self::Constant(value) => q.iter_mut().for_each(|q| *q = value),
             Self::Still(joint) => q.iter_mut().skip(joint).step_by(n).for_each(|q| *q = 0.3),
-            Self::Period(period) => time.iter_mut().enumerate().for_each(|(k, t)| *t = k as i64 * period),
-            Self::Jump(step) => time.iter_mut().skip(SAMPLES / 2).for_each(|t| *t = t.saturating_add(step)),
+            Self::Period(period) => {
+                time.iter_mut().enumerate().for_each(|(k, t)| *t = k as i64 * period)
+            }
+            Self::Jump(step) => {
+                time.iter_mut().skip(SAMPLES / 2).for_each(|t| *t = t.saturating_add(step))
+            }
             Self::WholeClock => {
                 time.iter_mut().for_each(|t| *t += i64::MIN);
                 time.iter_mut()
@@ -206,26 +221,44 @@ fn identification_answers_or_says_what_is_wrong() {
     let robot = two_link();
     for change in found_before().iter().chain(&odd()) {
         let logs = [change.apply(&log(0.0)), change.apply(&log(1.0))];
-        println!("{change:?}: {:?}", through_identification(&robot, &logs, &options(Method::Wls)).err());
+        println!(
+            "{change:?}: {:?}",
+            through_identification(&robot, &logs, &options(Method::Wls)).err()
+        );
     }
 }
 
 #[test]
 fn values_that_no_arm_makes_are_named() {
     let robot = two_link();
-    let error = |change: &Change| through_identification(&robot, &[change.apply(&log(0.0))], &options(Method::Wls));
+    let error = |change: &Change| {
+        through_identification(&robot, &[change.apply(&log(0.0))], &options(Method::Wls))
+    };
     for (change, named) in [
         (Change::ScaleTorque(1e300), ["the torque of `joint_1` is", "give the unit of the torque"]),
-        (Change::ScalePosition(1e150), ["the position of `joint_2` is", "give the unit of the position"]),
+        (
+            Change::ScalePosition(1e150),
+            ["the position of `joint_2` is", "give the unit of the position"],
+        ),
         (Change::PositionSpikes(1e8), ["the position of `joint_1` is", "drop such samples"]),
-        (Change::Period(100_000_000_000), ["samples come every 100 s", "give the unit of the time"]),
+        (
+            Change::Period(100_000_000_000),
+            ["samples come every 100 s", "give the unit of the time"],
+        ),
         (Change::Period(1), ["samples come every 0.000000001 s", "give the unit of the time"]),
     ] {
         let text = error(&change).expect_err("no arm makes it");
-        assert!(named.iter().all(|named| text.contains(named)) && text.starts_with("log_0: "), "{text}");
+        assert!(
+            named.iter().all(|named| text.contains(named)) && text.starts_with("log_0: "),
+            "{text}"
+        );
     }
     let issues = inspect(&Change::ScaleTorque(1e300).apply(&log(0.0)));
-    assert!(issues[0].kind == IssueKind::Implausible && issues[0].severity == Severity::Error, "{:?}", issues[0]);
+    assert!(
+        issues[0].kind == IssueKind::Implausible && issues[0].severity == Severity::Error,
+        "{:?}",
+        issues[0]
+    );
 }
 
 #[test]
@@ -233,7 +266,8 @@ fn an_arm_of_which_one_joint_stands_still_has_an_answer_from_every_estimator() {
     let robot = two_link();
     for options in requests() {
         for joint in 0..2 {
-            let found = through_identification(&robot, &[Change::Still(joint).apply(&log(0.0))], &options);
+            let found =
+                through_identification(&robot, &[Change::Still(joint).apply(&log(0.0))], &options);
             let few = options.conditioning.decimation.is_some();
             assert!(few || found.is_ok(), "{:?} {joint}: {found:?}", options.method);
         }
@@ -255,7 +289,10 @@ fn what_makes_the_robot_file_next_to_nothing_has_an_answer_or_is_refused() {
     }
     let tiny = Change::ScaleTorque(9.999999999999999e-33)
         .apply(&Change::ScalePosition(3.885143517485852e-76).apply(&log(0.0)));
-    println!("{:?}", through_identification(&robot, &[tiny], &options(Method::Wls).with_prior(None)).err());
+    println!(
+        "{:?}",
+        through_identification(&robot, &[tiny], &options(Method::Wls).with_prior(None)).err()
+    );
 }
 
 #[test]
@@ -264,7 +301,11 @@ fn every_estimator_answers_or_says_what_is_wrong() {
     for options in requests() {
         for change in found_before().iter().chain(&odd()) {
             let logs = [change.apply(&log(0.0))];
-            println!("{:?} {change:?}: {:?}", options.method, through_identification(&robot, &logs, &options).err());
+            println!(
+                "{:?} {change:?}: {:?}",
+                options.method,
+                through_identification(&robot, &logs, &options).err()
+            );
         }
     }
 }
@@ -277,7 +318,10 @@ fn a_diagnosis_answers_or_says_what_is_wrong() {
     for change in found_before().iter().chain(&odd()) {
         let logs = [change.apply(&train[0]), change.apply(&train[1])];
         let found = diagnose(&model, &logs, &test, &DiagnosisOptions::default(), &());
-        println!("{change:?}: {:?}", found.map(|found| found.verdict).map_err(|error| understandable(&error)));
+        println!(
+            "{change:?}: {:?}",
+            found.map(|found| found.verdict).map_err(|error| understandable(&error))
+        );
     }
 }
 
@@ -286,15 +330,18 @@ fn learning_answers_or_says_what_is_wrong() {
     let robot = two_link();
     for change in found_before().iter().chain(&odd()) {
         let logs = [change.apply(&log(0.0)), change.apply(&log(1.0))];
-        let options = SemiParametricOptions::default().with_points(50).with_identify(options(Method::Wls));
-        let found = fit_semi_parametric(&robot, &logs, &options, &()).map_err(|error| understandable(&error));
+        let options =
+            SemiParametricOptions::default().with_points(50).with_identify(options(Method::Wls));
+        let found = fit_semi_parametric(&robot, &logs, &options, &())
+            .map_err(|error| understandable(&error));
         println!("{change:?}: {:?}", found.err());
     }
 }
 
 fn any_value() -> impl Strategy<Value = f64> {
     let sign = prop_oneof![Just(1.0), Just(-1.0)];
-    (sign, 1.0..10.0, -320i32..309).prop_map(|(sign, digits, exponent)| sign * digits * 10f64.powi(exponent))
+    (sign, 1.0..10.0, -320i32..309)
+        .prop_map(|(sign, digits, exponent)| sign * digits * 10f64.powi(exponent))
 }
 
 fn any_change() -> impl Strategy<Value = Change> {
@@ -310,7 +357,8 @@ fn any_change() -> impl Strategy<Value = Change> {
         any_value().prop_map(Constant),
         (0usize..2).prop_map(Still),
         (0u32..18).prop_map(|exponent| Period(10i64.pow(exponent) / 1000 + 1)),
-        (0u32..19, prop_oneof![Just(1), Just(-1)]).prop_map(|(exponent, sign)| Jump(sign * 10i64.pow(exponent))),
+        (0u32..19, prop_oneof![Just(1), Just(-1)])
+            .prop_map(|(exponent, sign)| Jump(sign * 10i64.pow(exponent))),
     ]
 }
 

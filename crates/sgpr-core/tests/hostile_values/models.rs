@@ -12,15 +12,18 @@ const SAMPLES: usize = 400;
 const RATE_HZ: f64 = 100.0;
 
 /// Numbers that a file may hold.
-const VALUES: [f64; 12] = [0.0, -0.0, 1.0, -1.0, 1e-320, -1e-320, 1e-30, 1e9, -1e9, 1e30, 1e300, -1e300];
+const VALUES: [f64; 12] =
+    [0.0, -0.0, 1.0, -1.0, 1e-320, -1e-320, 1e-30, 1e9, -1e9, 1e30, 1e300, -1e300];
 
 /// The bytes of a model with another head, of the length that its file says.
 fn with_head(model: &TorqueModel, change: impl Fn(&mut serde_json::Value)) -> Vec<u8> {
     let bytes = model.to_bytes();
     let length = u64::from_le_bytes(bytes[..8].try_into().expect("eight bytes")) as usize;
-    let mut header: serde_json::Value = serde_json::from_slice(&bytes[8..8 + length]).expect("a header");
+    let mut header: serde_json::Value =
+        serde_json::from_slice(&bytes[8..8 + length]).expect("a header");
     let entry = &mut header["__metadata__"]["sgpr"];
-    let mut head: serde_json::Value = serde_json::from_str(entry.as_str().expect("text")).expect("a head");
+    let mut head: serde_json::Value =
+        serde_json::from_str(entry.as_str().expect("text")).expect("a head");
     change(&mut head);
     *entry = head.to_string().into();
     let header = header.to_string().into_bytes();
@@ -28,27 +31,35 @@ fn with_head(model: &TorqueModel, change: impl Fn(&mut serde_json::Value)) -> Ve
 }
 
 fn identified() -> TorqueModel {
-    let text = std::fs::read(concat!(env!("CARGO_MANIFEST_DIR"), "/../../data/demo/robot.urdf")).expect("bundled");
+    let text = std::fs::read(concat!(env!("CARGO_MANIFEST_DIR"), "/../../data/demo/robot.urdf"))
+        .expect("bundled");
     let text = String::from_utf8(text).expect("text");
     let robot = Robot::from_urdf_text(&text, "robot.urdf", &Default::default()).expect("a robot");
     let read = |name: &str| {
         let path = format!("{}/../../data/demo/{name}.csv.gz", env!("CARGO_MANIFEST_DIR"));
         sgpr_core::recording::csv::read(path, &Default::default()).expect("bundled").slice(0..1500)
     };
-    sgpr_core::model::identify(&robot, &[read("train_1")], &Default::default(), &()).expect("a good log").0
+    sgpr_core::model::identify(&robot, &[read("train_1")], &Default::default(), &())
+        .expect("a good log")
+        .0
 }
 
 /// Everything that a model is asked for along a motion with time and channels.
 fn ask(model: &TorqueModel) {
     let n = model.robot().dof();
     let wave = |rate: f64| -> Vec<f64> {
-        (0..SAMPLES * n).map(|k| rate * ((k / n) as f64 / RATE_HZ * (1.0 + (k % n) as f64)).sin()).collect()
+        (0..SAMPLES * n)
+            .map(|k| rate * ((k / n) as f64 / RATE_HZ * (1.0 + (k % n) as f64)).sin())
+            .collect()
     };
     let (q, dq, ddq) = (wave(1.0), wave(2.0), wave(5.0));
     let time: Vec<f64> = (0..SAMPLES).map(|k| k as f64 / RATE_HZ).collect();
     let channels = [Channel { name: "temperature".into(), values: vec![30.0; SAMPLES] }];
     let samples = Samples { q: &q, dq: &dq, ddq: &ddq };
-    let known = Trajectory::of_samples(samples).with_rate_hz(RATE_HZ).with_time(&time).with_channels(&channels);
+    let known = Trajectory::of_samples(samples)
+        .with_rate_hz(RATE_HZ)
+        .with_time(&time)
+        .with_channels(&channels);
     for trajectory in [known, Trajectory::of_samples(samples)] {
         assert_eq!(model.predict_trajectory(&trajectory).len(), q.len());
     }
@@ -61,8 +72,11 @@ fn terms_with_any_constants_are_refused_or_predict() {
     for effect in registry() {
         let Some(&site) = effect.sites(model.robot()).first() else { continue };
         let count = effect.constants().len();
-        let neutral: Vec<f64> =
-            effect.constants().iter().map(|constant| constant.grid.first().map_or(10.0, |value| *value)).collect();
+        let neutral: Vec<f64> = effect
+            .constants()
+            .iter()
+            .map(|constant| constant.grid.first().map_or(10.0, |value| *value))
+            .collect();
         for value in VALUES {
             for place in 0..=count {
                 // One constant, or all of them.
@@ -82,7 +96,10 @@ fn terms_with_any_constants_are_refused_or_predict() {
 #[test]
 fn parameters_of_any_size_are_refused_or_predict() {
     let model = TorqueModel::nominal(&puma560());
-    let effect = registry().into_iter().find(|effect| effect.name() == "coulomb_friction").expect("of the library");
+    let effect = registry()
+        .into_iter()
+        .find(|effect| effect.name() == "coulomb_friction")
+        .expect("of the library");
     for value in VALUES {
         let mut term = Term::new(effect.clone(), Site::Joint(0), vec![]);
         term.coefficients.fill(value);
@@ -101,11 +118,15 @@ fn processing_that_cannot_be_done_is_refused() {
         let bytes = with_head(&model, |head| change(&mut head["processing"]));
         TorqueModel::from_bytes(&bytes, "odd.sgpr").expect_err("cannot be done").to_string()
     };
-    let number = |field: &'static str, value: f64| refused(&|processing| processing[field] = value.into());
+    let number =
+        |field: &'static str, value: f64| refused(&|processing| processing[field] = value.into());
     assert!(TorqueModel::from_bytes(&with_head(&model, |_| ()), "same.sgpr").is_ok());
     for value in [0.0, -1.0, 1e300] {
         let text = number("cutoff_hz", value);
-        assert!(text.contains("odd.sgpr") && text.contains("its processing: cutoff_hz is"), "{text}");
+        assert!(
+            text.contains("odd.sgpr") && text.contains("its processing: cutoff_hz is"),
+            "{text}"
+        );
         assert!(number("torque_cutoff_hz", value).contains("its processing: torque_cutoff_hz is"));
     }
     for field in ["decimation", "order"] {
@@ -126,7 +147,9 @@ fn processing_that_cannot_be_done_is_refused() {
         let text = refused(&|processing| processing["differentiation"] = ways.clone());
         assert!(text.contains("its processing:"), "{text}");
     }
-    let text = refused(&|processing| processing["differentiation"] = serde_json::json!({"central": {"accuracy": 3}}));
+    let text = refused(&|processing| {
+        processing["differentiation"] = serde_json::json!({"central": {"accuracy": 3}})
+    });
     assert!(text.contains("choose 2, 4, 6 or 8"), "{text}");
 }
 
@@ -139,7 +162,10 @@ fn figures_of_a_fit_are_of_its_joints_and_within_range() {
     };
     for field in ["noise", "rows", "correlation"] {
         let text = refused(field, serde_json::json!([1, 2]));
-        assert!(text.contains("odd.sgpr") && text.contains(&format!("{field} is of 2 joints")), "{text}");
+        assert!(
+            text.contains("odd.sgpr") && text.contains(&format!("{field} is of 2 joints")),
+            "{text}"
+        );
     }
     for field in ["dispersion", "half_interval_95", "prior_standard_deviation"] {
         for value in [-1.0, 1e300] {
@@ -155,9 +181,14 @@ fn figures_of_a_fit_are_of_its_joints_and_within_range() {
 #[test]
 fn a_cutoff_that_no_log_can_have_is_an_error() {
     for cutoff in [1e-300, 1e300] {
-        let bytes = with_head(&identified(), |head| head["processing"]["cutoff_hz"] = cutoff.into());
-        let text = TorqueModel::from_bytes(&bytes, "odd.sgpr").expect_err("no log has it").to_string();
-        assert!(text.contains("odd.sgpr") && text.contains("cutoff_hz") && text.contains("Hz"), "{text}");
+        let bytes =
+            with_head(&identified(), |head| head["processing"]["cutoff_hz"] = cutoff.into());
+        let text =
+            TorqueModel::from_bytes(&bytes, "odd.sgpr").expect_err("no log has it").to_string();
+        assert!(
+            text.contains("odd.sgpr") && text.contains("cutoff_hz") && text.contains("Hz"),
+            "{text}"
+        );
     }
 }
 

@@ -25,7 +25,8 @@ fn arm(bodies: [Body; 2], lengths: [f64; 2], gravity: f64) -> Result<Robot, Stri
         })
         .collect();
     let gravity = Vector3::new(0.0, gravity, 0.0);
-    Robot::from_dh("arm", DhConvention::Standard, &rows, None, gravity).map_err(|error| understandable(&error))
+    Robot::from_dh("arm", DhConvention::Standard, &rows, None, gravity)
+        .map_err(|error| understandable(&error))
 }
 
 /// Robots that a file may hold: placeholders, nothing at all, sizes that fit no arm.
@@ -43,7 +44,10 @@ fn odd() -> Vec<(&'static str, Result<Robot, String>)> {
         ("no lengths", arm([LINK; 2], [0.0; 2], -9.81)),
         ("nothing", arm(all(0.0), [0.0; 2], 0.0)),
         ("a last link of nothing", arm([LINK, [0.0; 10]], lengths, -9.81)),
-        ("masses alone", arm([[1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]; 2], lengths, -9.81)),
+        (
+            "masses alone",
+            arm([[1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]; 2], lengths, -9.81),
+        ),
         ("ones everywhere", arm(all(1.0), lengths, -9.81)),
         ("a mass of 1e-30", arm(with(0, 1e-30), lengths, -9.81)),
         ("a mass of 1e-300", arm(with(0, 1e-300), lengths, -9.81)),
@@ -79,14 +83,20 @@ fn a_diagnosis_answers_or_says_what_is_wrong_with_the_robot() {
     let (train, test) = ([log(0.0), log(1.0)], [log(2.0)]);
     for (name, robot) in odd() {
         let Ok(robot) = robot else { continue };
-        let Ok(model) = through_identification(&robot, &train, &options(Method::Wls)) else { continue };
+        let Ok(model) = through_identification(&robot, &train, &options(Method::Wls)) else {
+            continue;
+        };
         let found = diagnose(&model, &train, &test, &DiagnosisOptions::default(), &());
-        println!("{name}: {:?}", found.map(|found| found.verdict).map_err(|error| understandable(&error)));
+        println!(
+            "{name}: {:?}",
+            found.map(|found| found.verdict).map_err(|error| understandable(&error))
+        );
     }
 }
 
 fn any_value() -> impl Strategy<Value = f64> {
-    let size = (1.0..10.0, -320i32..309).prop_map(|(digits, exponent)| digits * 10f64.powi(exponent));
+    let size =
+        (1.0..10.0, -320i32..309).prop_map(|(digits, exponent)| digits * 10f64.powi(exponent));
     let near = (1.0..10.0, -6i32..4).prop_map(|(digits, exponent)| digits * 10f64.powi(exponent));
     let sign = prop_oneof![3 => Just(1.0), 1 => Just(-1.0)];
     (sign, prop_oneof![1 => Just(0.0), 2 => size, 4 => near]).prop_map(|(sign, value)| sign * value)

@@ -8,7 +8,9 @@ mod single;
 use every_effect::{plain, term};
 use sgpr_core::dynamics::Samples;
 use sgpr_core::effects::{Entry, Origin, Scale, Site, Streamed, by_name, registry};
-use sgpr_core::model::{Predictor, Purpose, SavedStates, StreamError, StreamOptions, Term, TorqueModel, Trajectory};
+use sgpr_core::model::{
+    Predictor, Purpose, SavedStates, StreamError, StreamOptions, Term, TorqueModel, Trajectory,
+};
 use sgpr_core::recording::Channel;
 use sgpr_core::robot::{puma560, two_link};
 
@@ -32,7 +34,8 @@ impl Motion {
                 let (mut x, mut v, mut a) = (0.3 * joint as f64, 0.0, 0.0);
                 for harmonic in 1..4 {
                     let w = f64::from(harmonic) * (1.1 + 0.17 * joint as f64);
-                    let (size, phase) = (0.5 / f64::from(harmonic * harmonic), f64::from(harmonic) + joint as f64);
+                    let (size, phase) =
+                        (0.5 / f64::from(harmonic * harmonic), f64::from(harmonic) + joint as f64);
                     let (sine, cosine) = (w * t + phase).sin_cos();
                     x += size * sine;
                     v += size * w * cosine;
@@ -49,7 +52,10 @@ impl Motion {
 
     fn trajectory(&self) -> Trajectory<'_> {
         let samples = Samples { q: &self.q, dq: &self.dq, ddq: &self.ddq };
-        Trajectory::of_samples(samples).with_rate_hz(RATE_HZ).with_time(&self.time).with_channels(&self.channels)
+        Trajectory::of_samples(samples)
+            .with_rate_hz(RATE_HZ)
+            .with_time(&self.time)
+            .with_channels(&self.channels)
     }
 
     fn row(&self, k: usize, n: usize) -> [&[f64]; 3] {
@@ -97,15 +103,19 @@ fn every_effect_streams_what_the_trajectory_says() {
             };
             let parts = [&batch, &without, &streamed].map(|values| &values[settled.clone()]);
             let own = rms(parts[0].iter().zip(parts[1]).map(|(with, without)| with - without));
-            let missed = rms(parts[0].iter().zip(parts[2]).map(|(batch, streamed)| batch - streamed));
-            // A torque beyond the limit of a saturation may not occur at every joint, and where the first joint stands,
-            // which turns about the direction of gravity, changes no torque.
+            let missed =
+                rms(parts[0].iter().zip(parts[2]).map(|(batch, streamed)| batch - streamed));
+            // A torque beyond the limit of a saturation may not occur at every joint, and where the
+            // first joint stands, which turns about the direction of gravity, changes no torque.
             let may_do_nothing = effect.name() == "torque_saturation" || site == Site::Joint(0);
             assert!(own > 0.0 || may_do_nothing, "{name} does nothing");
             match effect.streamed() {
                 Streamed::Exactly => assert!(missed < 1e-9, "{name}: {missed} of {own}"),
                 Streamed::Nearly(how) => {
-                    assert!(missed < (0.5 * own).max(1e-9) && !how.is_empty(), "{name}: {missed} of {own}");
+                    assert!(
+                        missed < (0.5 * own).max(1e-9) && !how.is_empty(),
+                        "{name}: {missed} of {own}"
+                    );
                 }
                 Streamed::Not(reason) => panic!("{name}: {reason}"),
             }
@@ -115,7 +125,8 @@ fn every_effect_streams_what_the_trajectory_says() {
     }
 }
 
-/// All kinds at once: hidden states, times, links that move, a delay that is a whole number of samples and more.
+/// All kinds at once: hidden states, times, links that move, a delay that is a whole number of
+/// samples and more.
 fn many_terms() -> Vec<Term> {
     let of = |name: &str, site: Site| term(&by_name(name).expect("of the library"), site);
     let mut delay = of("torque_delay", Site::Arm);
@@ -156,7 +167,8 @@ fn a_torque_that_is_logged_early_follows_from_the_motion_ahead() {
     let mut early = term(&by_name("torque_delay").expect("of the library"), Site::Arm);
     early.constants = vec![-0.006];
     // Without dry friction, whose jumps a trajectory smears over some samples.
-    let bare = TorqueModel::with_parameters(&robot, &[] as &[&str], robot.standard_parameters()).expect("valid");
+    let bare = TorqueModel::with_parameters(&robot, &[] as &[&str], robot.standard_parameters())
+        .expect("valid");
     let model = bare.clone().with_terms(vec![early], Some(0));
     let batch = model.predict_trajectory(&motion.trajectory());
     let late = bare.predict_trajectory(&motion.trajectory());
@@ -169,8 +181,13 @@ fn a_torque_that_is_logged_early_follows_from_the_motion_ahead() {
 #[test]
 fn dry_friction_starts_where_reset_says() {
     let robot = two_link();
-    let bare = TorqueModel::with_parameters(&robot, &[] as &[&str], robot.standard_parameters()).expect("valid");
-    let mut friction = Term::new(by_name("presliding_friction").expect("of the library"), Site::Joint(1), vec![0.01]);
+    let bare = TorqueModel::with_parameters(&robot, &[] as &[&str], robot.standard_parameters())
+        .expect("valid");
+    let mut friction = Term::new(
+        by_name("presliding_friction").expect("of the library"),
+        Site::Joint(1),
+        vec![0.01],
+    );
     friction.coefficients = vec![2.0];
     let model = bare.clone().with_terms(vec![friction], None);
     let mut predictor = Predictor::new(&model);
@@ -243,7 +260,8 @@ fn what_an_effect_needs_is_asked_for() {
     }
     let warm = with("temperature_dependent_friction", Site::Joint(2));
     let mut predictor = warm.predictor(&none).expect("needs no rate");
-    let error = predictor.try_torque(&[0.1; 6], &[0.1; 6], &[0.0; 6]).expect_err("how warm?").to_string();
+    let error =
+        predictor.try_torque(&[0.1; 6], &[0.1; 6], &[0.0; 6]).expect_err("how warm?").to_string();
     assert!(error.contains("joint_3") || error.contains("set_temperature"), "{error}");
     predictor.set_temperature(&[40.0; 6]).expect("finite");
     assert!(predictor.try_torque(&[0.1; 6], &[0.1; 6], &[0.0; 6]).is_ok());
@@ -256,9 +274,16 @@ fn feed_forward_holds_what_the_arm_needs() {
     let robot = puma560();
     let motion = Motion::new(robot.dof(), 500);
     let of = |names: &[(&str, Site)]| -> Vec<Term> {
-        names.iter().map(|(name, site)| term(&by_name(name).expect("of the library"), *site)).collect()
+        names
+            .iter()
+            .map(|(name, site)| term(&by_name(name).expect("of the library"), *site))
+            .collect()
     };
-    let arm = [("presliding_friction", Site::Joint(1)), ("payload", Site::Arm), ("encoder_offset", Site::Joint(2))];
+    let arm = [
+        ("presliding_friction", Site::Joint(1)),
+        ("payload", Site::Arm),
+        ("encoder_offset", Site::Joint(2)),
+    ];
     let errors = [
         ("torque_gain_error", Site::Joint(1)),
         ("torque_delay", Site::Arm),
@@ -279,7 +304,8 @@ fn feed_forward_holds_what_the_arm_needs() {
     assert_eq!(expected, found);
     let kept = feed_forward.clone().with_keep(vec!["payload_change".into()]);
     assert_ne!(expected, motion.streamed(&mut measured.predictor(&kept).expect("streams")));
-    // The offset that a model has at every joint is one of the log; the friction's step has happened.
+    // The offset that a model has at every joint is one of the log; the friction's step has
+    // happened.
     let everywhere = plain(&robot).with_terms(of(&[("friction_step", Site::Joint(0))]), Some(0));
     let mut parameters = everywhere.parameters().to_vec();
     let offsets = parameters.len() - robot.dof();
@@ -287,10 +313,14 @@ fn feed_forward_holds_what_the_arm_needs() {
     let effects = ["viscous_friction", "coulomb_friction", "rotor_inertia", "torque_offset"];
     let mut stepped = of(&[("friction_step", Site::Joint(0))]);
     stepped[0].constants = vec![-1e9];
-    let without =
-        TorqueModel::with_parameters(&robot, &effects, parameters).expect("known").with_terms(stepped, Some(0));
+    let without = TorqueModel::with_parameters(&robot, &effects, parameters)
+        .expect("known")
+        .with_terms(stepped, Some(0));
     let expected = motion.streamed(&mut without.predictor(&options()).expect("streams"));
-    assert_eq!(expected, motion.streamed(&mut everywhere.predictor(&feed_forward).expect("streams")));
+    assert_eq!(
+        expected,
+        motion.streamed(&mut everywhere.predictor(&feed_forward).expect("streams"))
+    );
 }
 
 #[test]
@@ -299,7 +329,11 @@ fn every_effect_says_what_it_is_a_property_of() {
         let about = effect.about();
         assert!(about.origin_reason.len() > 20, "{}", effect.name());
         let log = ["torque_gain_error", "torque_delay", "torque_offset_drift", "time_base_error"];
-        assert!(!log.contains(&effect.name()) || about.origin == Origin::Measurement, "{}", effect.name());
+        assert!(
+            !log.contains(&effect.name()) || about.origin == Origin::Measurement,
+            "{}",
+            effect.name()
+        );
         let there = ["external_contact", "payload_change"].contains(&effect.name());
         assert_eq!(about.origin == Origin::Temporary, there, "{}", effect.name());
     }
@@ -308,7 +342,8 @@ fn every_effect_says_what_it_is_a_property_of() {
 #[test]
 fn irregular_steps_lag_and_delay_by_the_time_that_passed() {
     let robot = two_link();
-    let bare = TorqueModel::with_parameters(&robot, &[] as &[&str], robot.standard_parameters()).expect("valid");
+    let bare = TorqueModel::with_parameters(&robot, &[] as &[&str], robot.standard_parameters())
+        .expect("valid");
     let of = |name: &str, seconds: f64| {
         let term = Term::new(by_name(name).expect("of the library"), Site::Arm, vec![seconds]);
         bare.clone().with_terms(vec![term], Some(0)).predictor(&options()).expect("streams")
@@ -321,11 +356,18 @@ fn irregular_steps_lag_and_delay_by_the_time_that_passed() {
     let (mut delayed, mut lagging) = (of("torque_delay", delay), of("actuator_lag", lag));
     let (mut t, mut largest) = (0.0, [0.0f64; 2]);
     for k in 0..2000 {
-        let step = (1.0 + 0.4 * (0.7 * f64::from(k)).sin()) / RATE_HZ * if k % 500 == 499 { 20.0 } else { 1.0 };
+        let step = (1.0 + 0.4 * (0.7 * f64::from(k)).sin()) / RATE_HZ
+            * if k % 500 == 499 { 20.0 } else { 1.0 };
         t += if k == 0 { 0.0 } else { step };
         let sample = (position(t), [0.0; 2], [0.0; 2]);
-        let late = delayed.torque_after(step, &sample.0, &sample.1, &sample.2).expect("a good sample").to_vec();
-        let slow = lagging.torque_after(step, &sample.0, &sample.1, &sample.2).expect("a good sample").to_vec();
+        let late = delayed
+            .torque_after(step, &sample.0, &sample.1, &sample.2)
+            .expect("a good sample")
+            .to_vec();
+        let slow = lagging
+            .torque_after(step, &sample.0, &sample.1, &sample.2)
+            .expect("a good sample")
+            .to_vec();
         if k > 30 {
             for joint in 0..2 {
                 largest[0] = largest[0].max((late[joint] - torque(t - delay)[joint]).abs());

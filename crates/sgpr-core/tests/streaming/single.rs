@@ -8,13 +8,19 @@ struct Rounded([Vec<f32>; 3], [Vec<f64>; 3]);
 
 impl Rounded {
     fn of(motion: &Motion) -> Self {
-        let single = [&motion.q, &motion.dq, &motion.ddq].map(|all| all.iter().map(|x| *x as f32).collect::<Vec<_>>());
+        let single = [&motion.q, &motion.dq, &motion.ddq]
+            .map(|all| all.iter().map(|x| *x as f32).collect::<Vec<_>>());
         let double = single.each_ref().map(|all| all.iter().map(|x| f64::from(*x)).collect());
         Self(single, double)
     }
 
     /// The torques in both widths, `step(k)` seconds after the sample before.
-    fn streamed(&self, model: &TorqueModel, start: f64, step: impl Fn(usize) -> f64) -> [Vec<f64>; 2] {
+    fn streamed(
+        &self,
+        model: &TorqueModel,
+        start: f64,
+        step: impl Fn(usize) -> f64,
+    ) -> [Vec<f64>; 2] {
         let n = model.robot().dof();
         let streamed = StreamedModel::from(model);
         let mut single = streamed.single_predictor(&options()).expect("an effect of the library");
@@ -52,12 +58,16 @@ fn every_effect_streams_in_32_bits() {
             let model = plain(&robot).with_terms(vec![term(effect, site)], Some(0));
             let apart = apart(&rounded.streamed(&model, 0.0, |_| 1.0 / RATE_HZ));
             // Second derivatives of a torque by differences cost digits.
-            let (kind, bound) = if effect.streamed() == Streamed::Exactly { (0, 1e-6) } else { (1, 1e-4) };
+            let (kind, bound) =
+                if effect.streamed() == Streamed::Exactly { (0, 1e-6) } else { (1, 1e-4) };
             assert!(apart < bound, "{} at {site:?}: {apart:e}", effect.name());
             largest[kind] = largest[kind].max(apart);
         }
     }
-    println!("32 bits: {:.1e} of the largest torque, {:.1e} where it is differentiated", largest[0], largest[1]);
+    println!(
+        "32 bits: {:.1e} of the largest torque, {:.1e} where it is differentiated",
+        largest[0], largest[1]
+    );
 }
 
 #[test]
@@ -66,10 +76,13 @@ fn many_effects_together_stream_in_32_bits_at_any_time_and_pace() {
     let rounded = Rounded::of(&Motion::new(robot.dof(), 3000));
     let mut terms = many_terms();
     let model = plain(&robot).with_terms(terms.clone(), Some(0));
-    let apart_at =
-        |model: &TorqueModel, start: f64, step: &dyn Fn(usize) -> f64| apart(&rounded.streamed(model, start, step));
+    let apart_at = |model: &TorqueModel, start: f64, step: &dyn Fn(usize) -> f64| {
+        apart(&rounded.streamed(model, start, step))
+    };
     let even = |_: usize| 1.0 / RATE_HZ;
-    let uneven = |k: usize| (1.0 + 0.4 * (0.7 * k as f64).sin()) / RATE_HZ * if k % 500 == 499 { 20.0 } else { 1.0 };
+    let uneven = |k: usize| {
+        (1.0 + 0.4 * (0.7 * k as f64).sin()) / RATE_HZ * if k % 500 == 499 { 20.0 } else { 1.0 }
+    };
     assert!(apart_at(&model, 0.0, &even) < 2e-6);
     assert!(apart_at(&model, 0.0, &uneven) < 2e-6);
     // A fortnight on the clock of the session, where 32 bits would tell no tenth of a second apart.
@@ -91,7 +104,8 @@ fn saved_states_come_back_in_32_bits() {
     let Rounded(motion, _) = Rounded::of(&Motion::new(robot.dof(), 200));
     let model = plain(&robot).with_terms(many_terms(), Some(0));
     let mut predictor = StreamedModel::from(&model).single_predictor(&options()).expect("streams");
-    let row = |k: usize| motion.each_ref().map(|values| &values[k * robot.dof()..(k + 1) * robot.dof()]);
+    let row =
+        |k: usize| motion.each_ref().map(|values| &values[k * robot.dof()..(k + 1) * robot.dof()]);
     for k in 0..120 {
         let [q, dq, ddq] = row(k);
         predictor.torque(q, dq, ddq);

@@ -8,8 +8,8 @@ use sgpr_predict::internal::dot;
 pub struct ColumnSelection {
     /// Indices of independent columns, in the order in which they were offered.
     pub independent: Vec<usize>,
-    /// Every other column with its coefficients: column = sum over `independent` of coefficient * column; none for a
-    /// column of zeros.
+    /// Every other column with its coefficients: column = sum over `independent` of coefficient *
+    /// column; none for a column of zeros.
     pub dependent: Vec<(usize, Vec<f64>)>,
     /// Largest share of a dependent column's norm that the independent ones leave over.
     pub largest_dependent: f64,
@@ -17,14 +17,15 @@ pub struct ColumnSelection {
     pub smallest_independent: f64,
 }
 
-/// Goes through the columns of `matrix` (each a slice of the same length) in the given `order` and keeps those that are
-/// independent of the ones kept before: a rank-revealing QR whose pivots are set by the caller, so that the choice does
-/// not depend on the data.
+/// Goes through the columns of `matrix` (each a slice of the same length) in the given `order` and
+/// keeps those that are independent of the ones kept before: a rank-revealing QR whose pivots are
+/// set by the caller, so that the choice does not depend on the data.
 ///
-/// A column counts as dependent when less than `tolerance` of its norm is left by modified Gram-Schmidt, done twice.
+/// A column counts as dependent when less than `tolerance` of its norm is left by modified
+/// Gram-Schmidt, done twice.
 ///
-/// Source: M. Gautier, Numerical calculation of the base inertial parameters of robots, J. Robotic Systems 8(4) (1991),
-/// with the order of columns as the choice.
+/// Source: M. Gautier, Numerical calculation of the base inertial parameters of robots, J. Robotic
+/// Systems 8(4) (1991), with the order of columns as the choice.
 ///
 /// # Panics
 /// If the columns differ in length or `order` is not a permutation.

@@ -1,4 +1,5 @@
-//! faer's decompositions on one thread: the matrices here are small, and waking other threads costs more than the work.
+//! faer's decompositions on one thread: the matrices here are small, and waking other threads costs
+//! more than the work.
 
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::llt::factor as llt;
@@ -9,10 +10,11 @@ use faer::linalg::qr::no_pivoting::factor as qr;
 use faer::linalg::svd::{self, ComputeSvdVectors};
 use faer::{Mat, MatRef, Par};
 
-/// Upper triangular factor of a Householder QR, diagonal non-negative, `[k, k]` also for fewer rows than columns.
+/// Upper triangular factor of a Householder QR, diagonal non-negative, `[k, k]` also for fewer rows
+/// than columns.
 ///
-/// The row of a column that depends on those before it is zero, as in the factor of a semidefinite Gram matrix: what is
-/// left of the last column stands in its last entry alone.
+/// The row of a column that depends on those before it is zero, as in the factor of a semidefinite
+/// Gram matrix: what is left of the last column stands in its last entry alone.
 pub fn triangle(matrix: MatRef<'_, f64>) -> Mat<f64> {
     let k = matrix.ncols();
     let rows = matrix.nrows().max(k);
@@ -20,15 +22,23 @@ pub fn triangle(matrix: MatRef<'_, f64>) -> Mat<f64> {
     work.as_mut().subrows_mut(0, matrix.nrows()).copy_from(matrix);
     let size = qr::recommended_block_size::<f64>(rows, k);
     let mut householder = Mat::zeros(size, k);
-    let mut buffer = MemBuffer::new(qr::qr_in_place_scratch::<f64>(rows, k, size, Par::Seq, Default::default()));
-    qr::qr_in_place(work.as_mut(), householder.as_mut(), Par::Seq, MemStack::new(&mut buffer), Default::default());
+    let mut buffer =
+        MemBuffer::new(qr::qr_in_place_scratch::<f64>(rows, k, size, Par::Seq, Default::default()));
+    qr::qr_in_place(
+        work.as_mut(),
+        householder.as_mut(),
+        Par::Seq,
+        MemStack::new(&mut buffer),
+        Default::default(),
+    );
     let mut factor = Mat::from_fn(k, k, |i, j| if i <= j { work[(i, j)] } else { 0.0 });
     free_rows_of_dependent_columns(&mut factor);
     let sign = |i: usize| if factor[(i, i)] < 0.0 { -1.0 } else { 1.0 };
     Mat::from_fn(k, k, |i, j| sign(i) * factor[(i, j)])
 }
 
-/// Turns the row that a dependent column took from those after it into their rows, by Givens rotations.
+/// Turns the row that a dependent column took from those after it into their rows, by Givens
+/// rotations.
 fn free_rows_of_dependent_columns(factor: &mut Mat<f64>) {
     let k = factor.ncols();
     for dependent in 0..k {
@@ -54,13 +64,21 @@ fn free_rows_of_dependent_columns(factor: &mut Mat<f64>) {
     }
 }
 
-/// Upper triangular R with RᵀR = matrix, of which the lower triangle is read; `None` if it is not positive definite.
+/// Upper triangular R with RᵀR = matrix, of which the lower triangle is read; `None` if it is not
+/// positive definite.
 pub fn cholesky(matrix: MatRef<'_, f64>) -> Option<Mat<f64>> {
     let k = matrix.nrows();
     let mut work = matrix.to_owned();
-    let mut buffer = MemBuffer::new(llt::cholesky_in_place_scratch::<f64>(k, Par::Seq, Default::default()));
-    llt::cholesky_in_place(work.as_mut(), Default::default(), Par::Seq, MemStack::new(&mut buffer), Default::default())
-        .ok()?;
+    let mut buffer =
+        MemBuffer::new(llt::cholesky_in_place_scratch::<f64>(k, Par::Seq, Default::default()));
+    llt::cholesky_in_place(
+        work.as_mut(),
+        Default::default(),
+        Par::Seq,
+        MemStack::new(&mut buffer),
+        Default::default(),
+    )
+    .ok()?;
     Some(Mat::from_fn(k, k, |i, j| if i <= j { work[(j, i)] } else { 0.0 }))
 }
 
@@ -75,7 +93,8 @@ fn range_factor(matrix: MatRef<'_, f64>) -> f64 {
     }
 }
 
-/// Eigenvalues, ascending, and eigenvectors of a symmetric matrix, of which the lower triangle is read.
+/// Eigenvalues, ascending, and eigenvectors of a symmetric matrix, of which the lower triangle is
+/// read.
 ///
 /// # Panics
 /// If an entry is not finite.
@@ -89,7 +108,12 @@ pub fn symmetric_eigen(matrix: MatRef<'_, f64>) -> (Vec<f64>, Mat<f64>) {
     let k = matrix.nrows();
     let mut vectors = Mat::zeros(k, k);
     let mut values = faer::Col::<f64>::zeros(k);
-    let scratch = evd::self_adjoint_evd_scratch::<f64>(k, ComputeEigenvectors::Yes, Par::Seq, Default::default());
+    let scratch = evd::self_adjoint_evd_scratch::<f64>(
+        k,
+        ComputeEigenvectors::Yes,
+        Par::Seq,
+        Default::default(),
+    );
     evd::self_adjoint_evd(
         matrix,
         values.as_mut().as_diagonal_mut(),
@@ -115,7 +139,8 @@ pub fn solve_general(a: &Mat<f64>, b: &Mat<f64>) -> Option<Mat<f64>> {
     let mut buffer = MemBuffer::new(scratch);
     let stack = MemStack::new(&mut buffer);
     let (matrix, settings) = (factors.as_mut(), Default::default());
-    let (_, order) = lu::lu_in_place(matrix, &mut rows, &mut rows_inverse, Par::Seq, stack, settings);
+    let (_, order) =
+        lu::lu_in_place(matrix, &mut rows, &mut rows_inverse, Par::Seq, stack, settings);
     if (0..n).any(|k| factors[(k, k)] == 0.0 || !factors[(k, k)].is_finite()) {
         return None;
     }
@@ -142,7 +167,10 @@ impl Svd {
         let factor = range_factor(matrix);
         if factor != 1.0 {
             let scaled = Self::new((matrix * faer::Scale(factor)).as_ref());
-            return Self { values: scaled.values.iter().map(|value| value / factor).collect(), ..scaled };
+            return Self {
+                values: scaled.values.iter().map(|value| value / factor).collect(),
+                ..scaled
+            };
         }
         let (rows, columns) = (matrix.nrows(), matrix.ncols());
         let size = rows.min(columns);
@@ -150,7 +178,8 @@ impl Svd {
         let mut v = Mat::zeros(columns, size);
         let mut values = faer::Col::<f64>::zeros(size);
         let thin = ComputeSvdVectors::Thin;
-        let scratch = svd::svd_scratch::<f64>(rows, columns, thin, thin, Par::Seq, Default::default());
+        let scratch =
+            svd::svd_scratch::<f64>(rows, columns, thin, thin, Par::Seq, Default::default());
         svd::svd(
             matrix,
             values.as_mut().as_diagonal_mut(),
@@ -194,25 +223,39 @@ mod tests {
         }
         // Pivots are needed: the first is zero.
         let swap = Mat::from_fn(2, 2, |i, j| if i == j { 0.0 } else { 1.0 });
-        let found = solve_general(&swap, &Mat::from_fn(2, 1, |i, _| i as f64 + 1.0)).expect("a permutation");
+        let found = solve_general(&swap, &Mat::from_fn(2, 1, |i, _| i as f64 + 1.0))
+            .expect("a permutation");
         assert_eq!([found[(0, 0)], found[(1, 0)]], [2.0, 1.0]);
         let right = Mat::from_fn(3, 1, |i, _| i as f64);
         assert!(solve_general(&Mat::zeros(3, 3), &right).is_none());
         assert!(solve_general(&Mat::from_fn(3, 3, |i, _| i as f64), &right).is_none());
-        assert!(solve_general(&Mat::from_fn(3, 3, |i, j| table(i, j) / f64::from(u8::from(i != 1))), &right).is_none());
+        assert!(
+            solve_general(
+                &Mat::from_fn(3, 3, |i, j| table(i, j) / f64::from(u8::from(i != 1))),
+                &right
+            )
+            .is_none()
+        );
     }
 
     #[test]
     fn numbers_of_any_size_have_singular_and_eigenvalues() {
         let plain = Mat::from_fn(4, 4, |i, j| table(i.min(j), i.max(j)));
-        let (values, singular) = (symmetric_eigen(plain.as_ref()).0, Svd::new(plain.as_ref()).values);
+        let (values, singular) =
+            (symmetric_eigen(plain.as_ref()).0, Svd::new(plain.as_ref()).values);
         for size in [f64::MIN_POSITIVE, 1e-200, 1e200, 1e307] {
             let scaled = Mat::from_fn(4, 4, |i, j| size * plain[(i, j)]);
             for (found, expected) in symmetric_eigen(scaled.as_ref()).0.iter().zip(&values) {
-                assert!((found / size - expected).abs() < 1e-13 * values[3], "{size}: {found} {expected}");
+                assert!(
+                    (found / size - expected).abs() < 1e-13 * values[3],
+                    "{size}: {found} {expected}"
+                );
             }
             for (found, expected) in Svd::new(scaled.as_ref()).values.iter().zip(&singular) {
-                assert!((found / size - expected).abs() < 1e-13 * singular[0], "{size}: {found} {expected}");
+                assert!(
+                    (found / size - expected).abs() < 1e-13 * singular[0],
+                    "{size}: {found} {expected}"
+                );
             }
         }
     }

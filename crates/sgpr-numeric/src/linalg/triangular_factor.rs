@@ -7,18 +7,20 @@ use super::decompositions::{cholesky, symmetric_eigen, triangle};
 
 /// Upper triangular R with RᵀR = WᵀW for the rows of W seen so far.
 ///
-/// Everything that least squares needs of W is in R: sums of squares, residuals, singular values. R is k x k, however
-/// many rows there were.
+/// Everything that least squares needs of W is in R: sums of squares, residuals, singular values. R
+/// is k x k, however many rows there were.
 ///
-/// The rows are collected in blocks. The Cholesky factor of the first block's Gram matrix, slightly shifted so that
-/// rounding is not blown up where the block says nothing, gives a first factor P; from then on the Gram matrix of W P⁻¹ is summed, whose condition number is small
-/// whatever W's is, and R = chol(Gram) P. So the work is matrix multiplication, several times as fast as a Householder QR
-/// of a tall block, and the result is as accurate: the error grows with the condition number, not with its square. A
-/// block that moves in ways of which P knows nothing, after a log's start at rest say, goes through a Householder QR,
-/// and P is renewed.
+/// The rows are collected in blocks. The Cholesky factor of the first block's Gram matrix, slightly
+/// shifted so that rounding is not blown up where the block says nothing, gives a first factor P;
+/// from then on the Gram matrix of W P⁻¹ is summed, whose condition number is small whatever W's
+/// is, and R = chol(Gram) P. So the work is matrix multiplication, several times as fast as a
+/// Householder QR of a tall block, and the result is as accurate: the error grows with the
+/// condition number, not with its square. A block that moves in ways of which P knows nothing,
+/// after a log's start at rest say, goes through a Householder QR, and P is renewed.
 ///
-/// Source: T. Fukaya, R. Kannan, Y. Nakatsukasa, Y. Yamamoto, Y. Yanagisawa, Shifted Cholesky QR for computing the QR
-/// factorization of ill-conditioned matrices, SIAM J. Sci. Comput. 42(1) (2020), for the principle of the two steps.
+/// Source: T. Fukaya, R. Kannan, Y. Nakatsukasa, Y. Yamamoto, Y. Yanagisawa, Shifted Cholesky QR
+/// for computing the QR factorization of ill-conditioned matrices, SIAM J. Sci. Comput. 42(1)
+/// (2020), for the principle of the two steps.
 #[derive(Clone, Debug)]
 pub struct TriangularFactor {
     columns: usize,
@@ -38,7 +40,8 @@ struct BlockStage {
 }
 
 impl TriangularFactor {
-    /// Rows per block: enough that the matrix products dominate, few enough for the second-level cache.
+    /// Rows per block: enough that the matrix products dominate, few enough for the second-level
+    /// cache.
     pub const BLOCK: usize = 512;
 
     /// The factor of a matrix of `columns` columns without rows.
@@ -69,7 +72,8 @@ impl TriangularFactor {
         }
     }
 
-    /// Adds many rows, row-major; blocks without copying them where none waits, the last one too if it is worth a product.
+    /// Adds many rows, row-major; blocks without copying them where none waits, the last one too if
+    /// it is worth a product.
     ///
     /// # Panics
     /// If they are no whole rows.
@@ -114,7 +118,9 @@ impl TriangularFactor {
     pub fn factor(&self) -> Mat<f64> {
         let mut complete = self.clone();
         complete.absorb();
-        complete.stage.map_or_else(|| Mat::zeros(self.columns, self.columns), |stage| stage.factor())
+        complete
+            .stage
+            .map_or_else(|| Mat::zeros(self.columns, self.columns), |stage| stage.factor())
     }
 
     fn absorb(&mut self) {
@@ -133,7 +139,8 @@ impl TriangularFactor {
     }
 }
 
-/// Share of the columns' length by which a factor is shifted: the square root of what rounding does to a Gram matrix.
+/// Share of the columns' length by which a factor is shifted: the square root of what rounding does
+/// to a Gram matrix.
 const SHIFT: f64 = 1e-7;
 
 /// Rows times P⁻¹ that are longer than this come from motion of which P knows nothing.
@@ -176,15 +183,28 @@ impl BlockStage {
     fn with_factor(first: Mat<f64>) -> Self {
         let k = first.ncols();
         let mut inverse = Mat::<f64>::identity(k, k);
-        faer::linalg::triangular_solve::solve_upper_triangular_in_place(first.as_ref(), inverse.as_mut(), Par::Seq);
-        Self { first, inverse, gram: Mat::zeros(k, k), product: Mat::zeros(TriangularFactor::BLOCK.max(k), k) }
+        faer::linalg::triangular_solve::solve_upper_triangular_in_place(
+            first.as_ref(),
+            inverse.as_mut(),
+            Par::Seq,
+        );
+        Self {
+            first,
+            inverse,
+            gram: Mat::zeros(k, k),
+            product: Mat::zeros(TriangularFactor::BLOCK.max(k), k),
+        }
     }
 
     fn absorb(&mut self, block: MatRef<'_, f64>) {
         let before: Vec<f64> = (0..block.ncols()).map(|j| self.gram[(j, j)]).collect();
         let gram = self.gram.clone();
         self.add(block);
-        let longest = before.iter().enumerate().map(|(j, before)| self.gram[(j, j)] - before).fold(0.0, f64::max);
+        let longest = before
+            .iter()
+            .enumerate()
+            .map(|(j, before)| self.gram[(j, j)] - before)
+            .fold(0.0, f64::max);
         if longest > STRANGE.powi(2) {
             self.gram = gram;
             let factor = self.factor();
@@ -225,26 +245,31 @@ impl BlockStage {
         let noise = 1e-13 * values[k - 1];
         let root = |value: f64| if value > noise { value.sqrt() } else { 0.0 };
         // A column of zeros stays one: rounding must not stand in for its content.
-        let root =
-            Mat::from_fn(k, k, |i, j| if is_empty(&self.gram, j) { 0.0 } else { root(values[i]) * vectors[(j, i)] });
+        let root = Mat::from_fn(k, k, |i, j| {
+            if is_empty(&self.gram, j) { 0.0 } else { root(values[i]) * vectors[(j, i)] }
+        });
         triangle(multiply(&columns_times(&root, &lengths), &self.first).as_ref())
     }
 }
 
-/// Squared lengths up to this one have lost digits to the end of the range of numbers: such columns are empty.
+/// Squared lengths up to this one have lost digits to the end of the range of numbers: such columns
+/// are empty.
 const EMPTY: f64 = 1e-280;
 
 fn is_empty(gram: &Mat<f64>, j: usize) -> bool {
     gram[(j, j)] <= EMPTY
 }
 
-/// A Gram matrix of columns of unit length, lower triangle, and the lengths that the columns have; one for empty columns,
-/// which are zero.
+/// A Gram matrix of columns of unit length, lower triangle, and the lengths that the columns have;
+/// one for empty columns, which are zero.
 fn equilibrated(gram: &Mat<f64>) -> (Mat<f64>, Vec<f64>) {
     let k = gram.ncols();
-    let lengths: Vec<f64> = (0..k).map(|j| if is_empty(gram, j) { 1.0 } else { gram[(j, j)].sqrt() }).collect();
+    let lengths: Vec<f64> =
+        (0..k).map(|j| if is_empty(gram, j) { 1.0 } else { gram[(j, j)].sqrt() }).collect();
     let has_entry = |i: usize, j: usize| i >= j && !is_empty(gram, i) && !is_empty(gram, j);
-    let entry = |i: usize, j: usize| if has_entry(i, j) { gram[(i, j)] / (lengths[i] * lengths[j]) } else { 0.0 };
+    let entry = |i: usize, j: usize| {
+        if has_entry(i, j) { gram[(i, j)] / (lengths[i] * lengths[j]) } else { 0.0 }
+    };
     (Mat::from_fn(k, k, entry), lengths)
 }
 
@@ -281,7 +306,13 @@ mod tests {
     fn row(i: usize) -> Vec<f64> {
         let t = i as f64 * 0.37;
         let a = t.sin();
-        vec![1e3 * a, 1e-3 * (1.3 * t).cos(), 1e3 * a + 1e-2 * (2.1 * t).sin(), 1.0, (0.7 * t).sin() * a]
+        vec![
+            1e3 * a,
+            1e-3 * (1.3 * t).cos(),
+            1e3 * a + 1e-2 * (2.1 * t).sin(),
+            1.0,
+            (0.7 * t).sin() * a,
+        ]
     }
 
     fn householder(rows: std::ops::Range<usize>) -> Mat<f64> {
@@ -319,8 +350,9 @@ mod tests {
             (0..count).for_each(|i| factor.push(&row(i)));
             assert_eq!(factor.rows(), count);
             let error = relative_error(&factor.factor(), &householder(0..count));
-            // With no more rows than columns the factor rests on the shift, a 1e-7 of the columns. Else rounding, 2.2e-16, is
-            // enlarged by the condition number, 1e5, and by the square root of five columns.
+            // With no more rows than columns the factor rests on the shift, a 1e-7 of the columns.
+            // Else rounding, 2.2e-16, is enlarged by the condition number, 1e5, and by the square
+            // root of five columns.
             let tolerance = if count <= 5 { 1e-9 } else { 5e-11 };
             assert!(error < tolerance, "{count} rows: {error:e}");
         }
@@ -328,7 +360,8 @@ mod tests {
 
     #[test]
     fn small_singular_values_survive_where_normal_equations_lose_them() {
-        // Columns 0 and 2 differ by 1e-5 of their size: WᵀW would leave 6 digits of the difference, R has 11.
+        // Columns 0 and 2 differ by 1e-5 of their size: WᵀW would leave 6 digits of the difference,
+        // R has 11.
         let mut factor = TriangularFactor::new(5);
         (0..5000).for_each(|i| factor.push(&row(i)));
         let (found, expected) = (factor.factor(), householder(0..5000));
@@ -343,7 +376,8 @@ mod tests {
         (0..2000).for_each(|_| factor.push(&rest));
         (0..3000).for_each(|i| factor.push(&row(i)));
         let moving = householder(0..3000);
-        let mut rows: Vec<Vec<f64>> = (0..5).map(|i| (0..5).map(|j| moving[(i, j)]).collect()).collect();
+        let mut rows: Vec<Vec<f64>> =
+            (0..5).map(|i| (0..5).map(|j| moving[(i, j)]).collect()).collect();
         rows.push(rest.iter().map(|x| x * 2000f64.sqrt()).collect());
         let expected = triangle(Mat::from_fn(6, 5, |i, j| rows[i][j]).as_ref());
         let error = relative_error(&factor.factor(), &expected);

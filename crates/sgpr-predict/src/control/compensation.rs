@@ -9,9 +9,11 @@ use crate::stream::{Plain, Predictor, Purpose, StreamError, StreamOptions};
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct CompensationOptions {
-    /// Share of the friction that is compensated, from 0 to 1: friction that is taken for larger than it is drives the arm.
+    /// Share of the friction that is compensated, from 0 to 1: friction that is taken for larger
+    /// than it is drives the arm.
     pub friction: f64,
-    /// Speed of each joint at which its friction is compensated in full, rad/s (m/s); below it the share falls in a line.
+    /// Speed of each joint at which its friction is compensated in full, rad/s (m/s); below it the
+    /// share falls in a line.
     pub transition_speed: f64,
     /// Largest torque of each joint, `[n]`, N·m (N); empty for none.
     pub limits: Vec<f64>,
@@ -35,12 +37,14 @@ impl Default for CompensationOptions {
     }
 }
 
-/// The torque that holds an arm where it is and overcomes its friction in the direction of the wanted velocity.
+/// The torque that holds an arm where it is and overcomes its friction in the direction of the
+/// wanted velocity.
 ///
-/// Gravity is that of the measured position. Friction is that of the wanted velocity and never of the measured one, whose
-/// noise would make it chatter at rest; as the share of the friction falls to nothing at rest, an arm that is wanted to
-/// stand gets gravity alone. Friction with a memory, as of bristles that bend, is taken as built up in the wanted
-/// direction. Friction with a share of at most one takes out no more energy than the joint loses.
+/// Gravity is that of the measured position. Friction is that of the wanted velocity and never of
+/// the measured one, whose noise would make it chatter at rest; as the share of the friction falls
+/// to nothing at rest, an arm that is wanted to stand gets gravity alone. Friction with a memory,
+/// as of bristles that bend, is taken as built up in the wanted direction. Friction with a share of
+/// at most one takes out no more energy than the joint loses.
 ///
 /// # Examples
 /// ```
@@ -68,7 +72,10 @@ pub struct Compensation<F: Plain = f64> {
 impl Compensation {
     /// # Errors
     /// If the model cannot be streamed; if a share, a speed or a limit is none.
-    pub fn new(model: impl Into<StreamedModel>, options: &CompensationOptions) -> Result<Self, StreamError> {
+    pub fn new(
+        model: impl Into<StreamedModel>,
+        options: &CompensationOptions,
+    ) -> Result<Self, StreamError> {
         Self::of(&model.into(), options)
     }
 }
@@ -78,7 +85,10 @@ impl Compensation<f32> {
     ///
     /// # Errors
     /// As [`Compensation::new`]; if an effect is not written over numbers of 32 bits.
-    pub fn single(model: impl Into<StreamedModel>, options: &CompensationOptions) -> Result<Self, StreamError> {
+    pub fn single(
+        model: impl Into<StreamedModel>,
+        options: &CompensationOptions,
+    ) -> Result<Self, StreamError> {
         Self::of(&model.into(), options)
     }
 }
@@ -93,13 +103,27 @@ impl<F: Plain> Compensation<F> {
         };
         let (share, speed) = (options.friction, options.transition_speed);
         check("friction".into(), share, (0.0..=1.0).contains(&share), "a share from 0 to 1")?;
-        check("transition_speed".into(), speed, speed.is_finite() && speed > 0.0, "a speed above zero")?;
+        check(
+            "transition_speed".into(),
+            speed,
+            speed.is_finite() && speed > 0.0,
+            "a speed above zero",
+        )?;
         if !options.limits.is_empty() && options.limits.len() != n {
-            return Err(StreamError::Length { name: "limits", found: options.limits.len(), expected: n });
+            return Err(StreamError::Length {
+                name: "limits",
+                found: options.limits.len(),
+                expected: n,
+            });
         }
         for (joint, limit) in options.limits.iter().enumerate() {
             let name = format!("limits of {}", model.joint_name(joint));
-            check(name, *limit, limit.is_finite() && *limit >= 0.0, "a torque that is not below zero")?;
+            check(
+                name,
+                *limit,
+                limit.is_finite() && *limit >= 0.0,
+                "a torque that is not below zero",
+            )?;
         }
         Ok(Self {
             moving: model.predictor_in(&options.stream)?,
@@ -133,8 +157,9 @@ impl<F: Plain> Compensation<F> {
             let (there, back) = (there[joint].number(), back[joint].number());
             let (even, friction) = ((there + back) * 0.5, (there - back) * 0.5);
             let [zero, one] = [0.0, 1.0].map(F::Number::constant);
-            let share =
-                (wanted_dq[joint].number().abs() / options.transition_speed).clamp(zero, one) * options.friction;
+            let share = (wanted_dq[joint].number().abs() / options.transition_speed)
+                .clamp(zero, one)
+                * options.friction;
             let mut own = even + share * friction;
             if let Some(limit) = options.limits.get(joint) {
                 own = own.clamp(F::Number::constant(-limit), F::Number::constant(*limit));

@@ -10,8 +10,8 @@ use crate::simd;
 ///
 /// variance = moving² + resting² r, r = 1 / (1 + (dq / speed)²),
 ///
-/// because dry friction of a joint that rests, or turns back, has any value up to that at which the joint breaks away,
-/// and no model of the velocity knows which.
+/// because dry friction of a joint that rests, or turns back, has any value up to that at which the
+/// joint breaks away, and no model of the velocity knows which.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct JointError {
@@ -74,14 +74,20 @@ impl JointError {
             fit_variances(logs, speed, error, blend)
         });
         // Of equals the even one: rest has to show.
-        let better = |best: (Self, f64), other: (Self, f64)| if other.1 < best.1 { other } else { best };
+        let better =
+            |best: (Self, f64), other: (Self, f64)| if other.1 < best.1 { other } else { best };
         Some(tried.fold(even, better).0)
     }
 }
 
-/// The variances of largest likelihood by Fisher's scoring, and what is left of the negative logarithm of it per
-/// sample, doubled.
-fn fit_variances(logs: &[ContactFree], speed: f64, mean_square: f64, blend: f64) -> (JointError, f64) {
+/// The variances of largest likelihood by Fisher's scoring, and what is left of the negative
+/// logarithm of it per sample, doubled.
+fn fit_variances(
+    logs: &[ContactFree],
+    speed: f64,
+    mean_square: f64,
+    blend: f64,
+) -> (JointError, f64) {
     let shape = JointError { moving: 0.0, resting: 0.0, speed };
     let mut rests = Vec::new();
     for log in logs {
@@ -92,7 +98,8 @@ fn fit_variances(logs: &[ContactFree], speed: f64, mean_square: f64, blend: f64)
     let least = LEAST_SHARE * mean_square;
     let (mut moving, mut resting) = (mean_square, mean_square);
     for _ in 0..STEPS {
-        // Least squares of the squared errors over 1 and the share of rest, weighted by their own variance.
+        // Least squares of the squared errors over 1 and the share of rest, weighted by their own
+        // variance.
         let [mut ww, mut wr, mut rr, mut we, mut re] = [0.0; 5];
         for (square, rest) in squares() {
             let variance = moving + resting * rest;
@@ -116,12 +123,15 @@ fn fit_variances(logs: &[ContactFree], speed: f64, mean_square: f64, blend: f64)
         square / variance + variance.ln()
     };
     let costs: f64 = squares().map(cost).sum();
-    (JointError { moving: moving.sqrt(), resting: resting.sqrt(), speed }, costs / rests.len() as f64)
+    (
+        JointError { moving: moving.sqrt(), resting: resting.sqrt(), speed },
+        costs / rests.len() as f64,
+    )
 }
 
-/// Share of rest in what an observer says: as the errors it goes through the observer's lag, and is that of the first
-/// sample at first. The square of a mean of errors is at most the mean of their squares, so that this is at most too
-/// much.
+/// Share of rest in what an observer says: as the errors it goes through the observer's lag, and is
+/// that of the first sample at first. The square of a mean of errors is at most the mean of their
+/// squares, so that this is at most too much.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct RestShare<S = f64>(Option<S>);
 

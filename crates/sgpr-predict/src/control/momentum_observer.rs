@@ -21,8 +21,8 @@ pub struct ObserverOptions {
     pub bandwidth_hz: f64,
     /// False alarms of the whole arm that are accepted per hour, if the model's errors are normal.
     pub false_alarms_per_hour: f64,
-    /// Standard deviation of the model's torque per joint, `[n]`, N·m (N), where it is known better than from the fit, as
-    /// from a log without contact; empty for that of the fit.
+    /// Standard deviation of the model's torque per joint, `[n]`, N·m (N), where it is known better
+    /// than from the fit, as from a log without contact; empty for that of the fit.
     pub deviation: Vec<f64>,
 }
 
@@ -37,7 +37,12 @@ impl ObserverOptions {
 
 impl Default for ObserverOptions {
     fn default() -> Self {
-        Self { rate_hz: 100.0, bandwidth_hz: 2.0, false_alarms_per_hour: 1.0, deviation: Vec::new() }
+        Self {
+            rate_hz: 100.0,
+            bandwidth_hz: 2.0,
+            false_alarms_per_hour: 1.0,
+            deviation: Vec::new(),
+        }
     }
 }
 
@@ -62,10 +67,15 @@ pub enum ObserverError {
         rate_hz: f64,
     },
     /// A model of which nobody knows how good it is.
-    #[error("the model was not identified from logs: give the standard deviation of its torque (`deviation`)")]
+    #[error(
+        "the model was not identified from logs: give the standard deviation of its torque \
+         (`deviation`)"
+    )]
     NoDeviation,
     /// A log of another rate than the observer.
-    #[error("log {log}: {found:.1} samples per second, expected {rate_hz} as the observer: resample it")]
+    #[error(
+        "log {log}: {found:.1} samples per second, expected {rate_hz} as the observer: resample it"
+    )]
     LogRate {
         /// Index of the log.
         log: usize,
@@ -75,7 +85,10 @@ pub enum ObserverError {
         rate_hz: f64,
     },
     /// Logs that say too little of the model's errors.
-    #[error("logs without contact: got {found} samples, expected at least {expected} with an error at every joint")]
+    #[error(
+        "logs without contact: got {found} samples, expected at least {expected} with an error at \
+         every joint"
+    )]
     FewSamples {
         /// How many samples there are.
         found: usize,
@@ -115,25 +128,30 @@ pub struct Alarm<F = f64> {
     pub threshold: F,
 }
 
-/// Torque from outside from positions, velocities and the torque of the drives, without accelerations: what changes the
-/// momentum p = M(q) dq, rotors included, beside the drives and the model,
+/// Torque from outside from positions, velocities and the torque of the drives, without
+/// accelerations: what changes the momentum p = M(q) dq, rotors included, beside the drives and the
+/// model,
 ///
 /// r = K (p - p0 - ∫ (tau - h(q, dq) + dM/dt dq + r) dt),
 ///
-/// where h is the model's torque without acceleration: gravity, friction with its memory, centrifugal and Coriolis torque.
-/// r follows the torque from outside with a first-order lag 1/K.
+/// where h is the model's torque without acceleration: gravity, friction with its memory,
+/// centrifugal and Coriolis torque. r follows the torque from outside with a first-order lag 1/K.
 ///
-/// An alarm is a torque beyond z standard deviations of the model's error. A normal process of bandwidth f crosses ±z 2 f
-/// exp(-z²/2) times per second, so that z follows from the false alarms per hour that are accepted.
+/// An alarm is a torque beyond z standard deviations of the model's error. A normal process of
+/// bandwidth f crosses ±z 2 f exp(-z²/2) times per second, so that z follows from the false alarms
+/// per hour that are accepted.
 ///
-/// Errors of real models are not those of one normal process: at rest and where a joint turns back they are some times
-/// as large, because dry friction then has any value. [`Self::calibrated`] takes both from logs without contact
-/// ([`JointError`]); without it there are false alarms at reversals.
+/// Errors of real models are not those of one normal process: at rest and where a joint turns back
+/// they are some times as large, because dry friction then has any value. [`Self::calibrated`]
+/// takes both from logs without contact ([`JointError`]); without it there are false alarms at
+/// reversals.
 ///
-/// Inertia that depends on single joints' findings (`wrist_coupling`, `kinematic_error`) is not in the momentum.
+/// Inertia that depends on single joints' findings (`wrist_coupling`, `kinematic_error`) is not in
+/// the momentum.
 ///
-/// Source: A. De Luca, R. Mattone, Actuator failure detection and isolation using generalized momenta, ICRA (2003);
-/// S. O. Rice, Mathematical analysis of random noise, Bell Syst. Tech. J. 23 (1944), for the crossings.
+/// Source: A. De Luca, R. Mattone, Actuator failure detection and isolation using generalized
+/// momenta, ICRA (2003); S. O. Rice, Mathematical analysis of random noise, Bell Syst. Tech. J. 23
+/// (1944), for the crossings.
 #[derive(Debug)]
 pub struct MomentumObserver<F: Plain = f64> {
     predictor: Predictor<F>,
@@ -167,7 +185,10 @@ struct ObserverBuffers<S> {
 impl MomentumObserver {
     /// # Errors
     /// If an option is none, the model cannot be streamed, or nobody knows how good it is.
-    pub fn new(model: impl Into<StreamedModel>, options: &ObserverOptions) -> Result<Self, ObserverError> {
+    pub fn new(
+        model: impl Into<StreamedModel>,
+        options: &ObserverOptions,
+    ) -> Result<Self, ObserverError> {
         Self::of(&model.into(), options)
     }
 }
@@ -177,7 +198,10 @@ impl MomentumObserver<f32> {
     ///
     /// # Errors
     /// As [`MomentumObserver::new`]; if an effect is not written over numbers of 32 bits.
-    pub fn single(model: impl Into<StreamedModel>, options: &ObserverOptions) -> Result<Self, ObserverError> {
+    pub fn single(
+        model: impl Into<StreamedModel>,
+        options: &ObserverOptions,
+    ) -> Result<Self, ObserverError> {
         Self::of(&model.into(), options)
     }
 }
@@ -185,8 +209,11 @@ impl MomentumObserver<f32> {
 impl<F: Plain> MomentumObserver<F> {
     fn of(model: &StreamedModel, options: &ObserverOptions) -> Result<Self, ObserverError> {
         let ObserverOptions { rate_hz, bandwidth_hz, false_alarms_per_hour, .. } = *options;
-        let numbers =
-            [("rate_hz", rate_hz), ("bandwidth_hz", bandwidth_hz), ("false_alarms_per_hour", false_alarms_per_hour)];
+        let numbers = [
+            ("rate_hz", rate_hz),
+            ("bandwidth_hz", bandwidth_hz),
+            ("false_alarms_per_hour", false_alarms_per_hour),
+        ];
         for (name, found) in numbers {
             if !(found.is_finite() && found > 0.0) {
                 return Err(ObserverError::Option { name, found });
@@ -215,17 +242,22 @@ impl<F: Plain> MomentumObserver<F> {
             zeros: vec![F::default(); n],
             external: vec![F::default(); n],
             started: false,
-            room: ObserverBuffers { q: numbers(), dq: numbers(), momentum: numbers(), change: numbers() },
+            room: ObserverBuffers {
+                q: numbers(),
+                dq: numbers(),
+                momentum: numbers(),
+                change: numbers(),
+            },
         })
     }
 
-    /// The same with thresholds from what it says along logs without contact, those of the fit or better others, of
-    /// motions such as it will see: the standard deviation of each joint's error while it moves and at rest. It forgets
-    /// all samples.
+    /// The same with thresholds from what it says along logs without contact, those of the fit or
+    /// better others, of motions such as it will see: the standard deviation of each joint's error
+    /// while it moves and at rest. It forgets all samples.
     ///
     /// # Errors
-    /// If a log has another rate than the observer (by more than a hundredth), arrays of different lengths or a number
-    /// that is not finite, or the logs have too few samples.
+    /// If a log has another rate than the observer (by more than a hundredth), arrays of different
+    /// lengths or a number that is not finite, or the logs have too few samples.
     pub fn calibrated(mut self, logs: &[MeasuredMotion<'_>]) -> Result<Self, ObserverError> {
         let n = self.external.len();
         let mut seen: Vec<Vec<ContactFree>> = (0..n).map(|_| Vec::new()).collect();
@@ -237,16 +269,26 @@ impl<F: Plain> MomentumObserver<F> {
             }
             for (name, values) in [("dq", log.dq), ("tau", log.tau)] {
                 if values.len() != log.q.len() {
-                    return Err(StreamError::Length { name, found: values.len(), expected: log.q.len() }.into());
+                    return Err(StreamError::Length {
+                        name,
+                        found: values.len(),
+                        expected: log.q.len(),
+                    }
+                    .into());
                 }
             }
             self.reset();
-            seen.iter_mut().for_each(|joint| joint.push(ContactFree { error: Vec::new(), speed: Vec::new() }));
+            seen.iter_mut()
+                .for_each(|joint| joint.push(ContactFree { error: Vec::new(), speed: Vec::new() }));
             let [mut q, mut dq, mut tau] = [const { Vec::new() }; 3];
             for k in (0..log.q.len()).step_by(n) {
-                for (own, given) in [&mut q, &mut dq, &mut tau].into_iter().zip([log.q, log.dq, log.tau]) {
+                for (own, given) in
+                    [&mut q, &mut dq, &mut tau].into_iter().zip([log.q, log.dq, log.tau])
+                {
                     own.clear();
-                    own.extend(given[k..(k + n).min(given.len())].iter().map(|value| F::of_f64(*value)));
+                    own.extend(
+                        given[k..(k + n).min(given.len())].iter().map(|value| F::of_f64(*value)),
+                    );
                 }
                 let external = self.update(&q, &dq, &tau)?;
                 for ((joint, external), dq) in seen.iter_mut().zip(external).zip(&dq) {
@@ -261,7 +303,8 @@ impl<F: Plain> MomentumObserver<F> {
             return Err(few);
         }
         let blend = self.blend();
-        let fit = |joint: &Vec<ContactFree>| JointError::fit(joint, blend).ok_or_else(|| few.clone());
+        let fit =
+            |joint: &Vec<ContactFree>| JointError::fit(joint, blend).ok_or_else(|| few.clone());
         self.errors = seen.iter().map(fit).collect::<Result<_, _>>()?;
         self.reset();
         Ok(self)
@@ -277,7 +320,8 @@ impl<F: Plain> MomentumObserver<F> {
         self.gain * self.step / (1.0 + self.gain * self.step)
     }
 
-    /// Torque beyond which there is an alarm at the last sample, that of a moving arm before the first, `[n]`, N·m (N).
+    /// Torque beyond which there is an alarm at the last sample, that of a moving arm before the
+    /// first, `[n]`, N·m (N).
     pub fn thresholds(&self) -> &[F] {
         &self.thresholds
     }
@@ -303,7 +347,10 @@ impl<F: Plain> MomentumObserver<F> {
         self.integral.fill(F::Number::zero(()));
         self.external.fill(F::default());
         self.rests.fill(RestShare::default());
-        self.thresholds.iter_mut().zip(&self.errors).for_each(|(own, error)| *own = F::of_f64(self.z * error.moving));
+        self.thresholds
+            .iter_mut()
+            .zip(&self.errors)
+            .for_each(|(own, error)| *own = F::of_f64(self.z * error.moving));
         self.started = false;
     }
 
@@ -333,8 +380,10 @@ impl<F: Plain> MomentumObserver<F> {
             if !self.started {
                 self.integral[joint] = momentum;
             } else {
-                // The torque from outside enters at this sample, so that the lag is stable at any gain.
-                let known = (tau[joint].number() - needed[joint].number() + room.change[joint]) * self.step;
+                // The torque from outside enters at this sample, so that the lag is stable at any
+                // gain.
+                let known =
+                    (tau[joint].number() - needed[joint].number() + room.change[joint]) * self.step;
                 self.integral[joint] += known;
                 let error = momentum - self.integral[joint];
                 let external = error * (self.gain / (1.0 + self.gain * self.step));

@@ -30,7 +30,9 @@ impl Samples<'_> {
     /// If the slices differ in length or do not hold whole samples of `dof` joints.
     pub fn count(&self, dof: usize) -> usize {
         assert!(
-            self.q.len() == self.dq.len() && self.q.len() == self.ddq.len() && self.q.len().is_multiple_of(dof),
+            self.q.len() == self.dq.len()
+                && self.q.len() == self.ddq.len()
+                && self.q.len().is_multiple_of(dof),
             "positions, velocities and accelerations of the same samples"
         );
         self.q.len() / dof
@@ -54,7 +56,11 @@ impl BatchWorkspace {
 
     #[inline(always)]
     fn run<A: OnLanes>(&mut self, robot: &Robot, samples: Samples<'_>, algorithm: A) {
-        assert_eq!(self.dof, robot.dof(), "the workspace was made for a robot with another number of joints");
+        assert_eq!(
+            self.dof,
+            robot.dof(),
+            "the workspace was made for a robot with another number of joints"
+        );
         let Self { arch, scratch, .. } = self;
         arch.dispatch(BatchRun { robot, samples, scratch: &mut **scratch, algorithm });
     }
@@ -72,21 +78,28 @@ pub fn rnea_batch(robot: &Robot, ws: &mut BatchWorkspace, samples: Samples<'_>, 
     ws.run(robot, samples, InverseDynamicsOfBatch { tau });
 }
 
-/// Regressor of every sample, as [`regressor`](super::regressor): the rigid-body part of the observation matrix W.
+/// Regressor of every sample, as [`regressor`](super::regressor): the rigid-body part of the
+/// observation matrix W.
 ///
 /// - `matrix`: `[samples * n, 10 n]`, row-major, rows sample by sample
 ///
 /// # Panics
 /// If the slices do not hold the same samples or `matrix` has another size.
-pub fn regressor_batch(robot: &Robot, ws: &mut BatchWorkspace, samples: Samples<'_>, matrix: &mut [f64]) {
+pub fn regressor_batch(
+    robot: &Robot,
+    ws: &mut BatchWorkspace,
+    samples: Samples<'_>,
+    matrix: &mut [f64],
+) {
     let n = robot.dof();
     let rows = samples.count(n) * n;
     assert_eq!(matrix.len(), rows * n * PARAMETERS_PER_LINK, "10 n columns per row");
     ws.run(robot, samples, RegressorOfBatch { matrix });
 }
 
-/// Calls `sink(joint, link, first, count, block)` for every pair where the joint carries the link and every group of
-/// `count` samples from `first` on: `block[k][s]` is the regressor entry of parameter k of the link at sample first + s.
+/// Calls `sink(joint, link, first, count, block)` for every pair where the joint carries the link
+/// and every group of `count` samples from `first` on: `block[k][s]` is the regressor entry of
+/// parameter k of the link at sample first + s.
 ///
 /// `sink` should be `#[inline(always)]`; it becomes part of the recursion.
 ///
@@ -104,7 +117,14 @@ pub fn for_each_regressor_block(
 
 /// A recursion over as many samples as a register has lanes.
 trait OnLanes {
-    fn run<S: Simd>(&mut self, simd: S, robot: &Robot, scratch: &mut Scratch<Lanes<S>>, first: usize, count: usize);
+    fn run<S: Simd>(
+        &mut self,
+        simd: S,
+        robot: &Robot,
+        scratch: &mut Scratch<Lanes<S>>,
+        first: usize,
+        count: usize,
+    );
 }
 
 struct InverseDynamicsOfBatch<'a> {
@@ -113,7 +133,14 @@ struct InverseDynamicsOfBatch<'a> {
 
 impl OnLanes for InverseDynamicsOfBatch<'_> {
     #[inline(always)]
-    fn run<S: Simd>(&mut self, simd: S, robot: &Robot, scratch: &mut Scratch<Lanes<S>>, first: usize, count: usize) {
+    fn run<S: Simd>(
+        &mut self,
+        simd: S,
+        robot: &Robot,
+        scratch: &mut Scratch<Lanes<S>>,
+        first: usize,
+        count: usize,
+    ) {
         let n = robot.dof();
         rnea_kernel(simd, robot.chain(), &mut scratch.bodies);
         for (joint, body) in scratch.bodies.iter().enumerate() {
@@ -132,11 +159,19 @@ struct RegressorOfBatch<'a> {
 
 impl OnLanes for RegressorOfBatch<'_> {
     #[inline(always)]
-    fn run<S: Simd>(&mut self, simd: S, robot: &Robot, scratch: &mut Scratch<Lanes<S>>, first: usize, count: usize) {
+    fn run<S: Simd>(
+        &mut self,
+        simd: S,
+        robot: &Robot,
+        scratch: &mut Scratch<Lanes<S>>,
+        first: usize,
+        count: usize,
+    ) {
         let n = robot.dof();
         let Scratch { bodies, axes, .. } = scratch;
         let transpose = Transpose::new(simd, count, n * n * PARAMETERS_PER_LINK);
-        let blocks = &mut self.matrix.as_chunks_mut::<PARAMETERS_PER_LINK>().0[first * n * n..][..count * n * n];
+        let blocks = &mut self.matrix.as_chunks_mut::<PARAMETERS_PER_LINK>().0[first * n * n..]
+            [..count * n * n];
         for sample in blocks.chunks_exact_mut(n * n) {
             for &block in robot.zero_blocks() {
                 sample[block] = [0.0; PARAMETERS_PER_LINK];
@@ -160,9 +195,18 @@ struct LaneBlocks<F> {
     sink: F,
 }
 
-impl<F: FnMut(usize, usize, usize, usize, &[[f64; MAX_LANES]; PARAMETERS_PER_LINK])> OnLanes for LaneBlocks<F> {
+impl<F: FnMut(usize, usize, usize, usize, &[[f64; MAX_LANES]; PARAMETERS_PER_LINK])> OnLanes
+    for LaneBlocks<F>
+{
     #[inline(always)]
-    fn run<S: Simd>(&mut self, simd: S, robot: &Robot, scratch: &mut Scratch<Lanes<S>>, first: usize, count: usize) {
+    fn run<S: Simd>(
+        &mut self,
+        simd: S,
+        robot: &Robot,
+        scratch: &mut Scratch<Lanes<S>>,
+        first: usize,
+        count: usize,
+    ) {
         let Scratch { bodies, axes, .. } = scratch;
         regressor_kernel(
             simd,
@@ -189,7 +233,10 @@ impl WithSimd for NewLanes {
     type Output = Box<dyn Any + Send>;
 
     fn with_simd<S: Simd>(self, simd: S) -> Self::Output {
-        Box::new(LaneScratch { scratch: Scratch::<Lanes<S>>::new(simd, self.dof), angles: Angles::new::<S>(self.dof) })
+        Box::new(LaneScratch {
+            scratch: Scratch::<Lanes<S>>::new(simd, self.dof),
+            angles: Angles::new::<S>(self.dof),
+        })
     }
 }
 

@@ -17,7 +17,8 @@ pub struct Body<T> {
     /// Pose in the parent link's frame.
     pub rotation: Matrix3<T>,
     pub position: Vector3<T>,
-    /// Angular velocity and acceleration; acceleration of the origin, gravity included as an upward acceleration.
+    /// Angular velocity and acceleration; acceleration of the origin, gravity included as an upward
+    /// acceleration.
     pub w: Vector3<T>,
     pub dw: Vector3<T>,
     pub a: Vector3<T>,
@@ -55,13 +56,17 @@ impl<T: Real> Body<T> {
     pub(crate) fn place(&mut self, token: T::Token, member: &Member<T::Constant>) {
         let translation = Vector3::splat(token, member.translation);
         if member.about_z {
-            // constant = [0 0 z], sine = [y -x 0], cosine = [x y 0]: most joints, and half of the arithmetic.
-            // One by one: a closure given to `map` would be compiled without the instruction set, and pass registers by memory.
+            // constant = [0 0 z], sine = [y -x 0], cosine = [x y 0]: most joints, and half of the
+            // arithmetic. One by one: a closure given to `map` would be compiled without the
+            // instruction set, and pass registers by memory.
             let [x, y, _] = member.cosine.columns;
             let [x, y] = [Vector3::splat(token, x), Vector3::splat(token, y)];
             let z = Vector3::splat(token, member.constant.columns[2]);
-            self.rotation =
-                Matrix3::from_columns(x.scale_add(self.cos, y * self.sin), y.scale_add(self.cos, x * -self.sin), z);
+            self.rotation = Matrix3::from_columns(
+                x.scale_add(self.cos, y * self.sin),
+                y.scale_add(self.cos, x * -self.sin),
+                z,
+            );
             self.position = translation;
         } else if member.is_rotation {
             let constant = Matrix3::splat(token, &member.constant);
@@ -75,7 +80,8 @@ impl<T: Real> Body<T> {
         }
     }
 
-    /// Pose and motion from the joint and the parent's motion (Luh, Walker, Paul (1980), outward iteration).
+    /// Pose and motion from the joint and the parent's motion (Luh, Walker, Paul (1980), outward
+    /// iteration).
     #[inline(always)]
     pub(crate) fn advance(
         &mut self,
@@ -116,7 +122,11 @@ impl<T: Real> Body<T> {
 
     /// Force and moment about the origin that move the link as the body moves.
     #[inline(always)]
-    pub(crate) fn inertial_wrench(&self, token: T::Token, member: &Member<T::Constant>) -> (Vector3<T>, Vector3<T>) {
+    pub(crate) fn inertial_wrench(
+        &self,
+        token: T::Token,
+        member: &Member<T::Constant>,
+    ) -> (Vector3<T>, Vector3<T>) {
         let link = &member.link;
         let h = Vector3::splat(token, link.first_moment);
         let inertia = Matrix3::splat(token, &link.inertia);
@@ -145,7 +155,11 @@ pub(crate) fn along_axis<T: Real>(
 
 /// Outward iteration over all links.
 #[inline(always)]
-pub(crate) fn forward_pass<T: Real>(token: T::Token, chain: &Chain<T::Constant>, bodies: &mut [Body<T>]) {
+pub(crate) fn forward_pass<T: Real>(
+    token: T::Token,
+    chain: &Chain<T::Constant>,
+    bodies: &mut [Body<T>],
+) {
     let minus_g = Vector3::splat(token, chain.minus_g);
     for (index, member) in chain.members.iter().enumerate() {
         let (before, rest) = bodies.split_at_mut(index);

@@ -15,13 +15,20 @@ use crate::spatial::{LinkInertia, Matrix3, Vector3};
 /// # Panics
 /// If a slice is not of length `robot.dof()`.
 ///
-/// Source: R. Featherstone, Rigid Body Dynamics Algorithms (2008), table 7.1; written with accelerations of link
-/// origins instead of spatial ones.
-pub fn forward_dynamics<'ws>(robot: &Robot, ws: &'ws mut Workspace, q: &[f64], dq: &[f64], tau: &[f64]) -> &'ws [f64] {
+/// Source: R. Featherstone, Rigid Body Dynamics Algorithms (2008), table 7.1; written with
+/// accelerations of link origins instead of spatial ones.
+pub fn forward_dynamics<'ws>(
+    robot: &Robot,
+    ws: &'ws mut Workspace,
+    q: &[f64],
+    dq: &[f64],
+    tau: &[f64],
+) -> &'ws [f64] {
     accelerate(robot, ws, q, dq, tau, None)
 }
 
-/// [`forward_dynamics`] of an arm whose motors turn with the joints: `rotor_inertia` is added to the diagonal of M.
+/// [`forward_dynamics`] of an arm whose motors turn with the joints: `rotor_inertia` is added to
+/// the diagonal of M.
 ///
 /// - `rotor_inertia`: `[n]`, kg·m² at the joint (kg for prismatic joints)
 ///
@@ -87,7 +94,8 @@ impl OnOneSample for ArticulatedBody<'_> {
             body.dq = T::splat((), self.dq[k]);
             body.ddq = T::zero(());
         }
-        // Without gravity and joint accelerations the outward pass leaves, per joint, what the parent's velocity adds.
+        // Without gravity and joint accelerations the outward pass leaves, per joint, what the
+        // parent's velocity adds.
         let members = &robot.chain().members;
         forward_velocity(members, bodies);
         for ((own, body), member) in articulated.iter_mut().zip(bodies.iter()).zip(members) {
@@ -146,7 +154,8 @@ impl OnOneSample for ArticulatedBody<'_> {
     }
 }
 
-/// Poses, angular velocities, and in `a`, `dw` the acceleration that each link would have if its parent had none.
+/// Poses, angular velocities, and in `a`, `dw` the acceleration that each link would have if its
+/// parent had none.
 #[inline(always)]
 fn forward_velocity<T: LoneNumber>(members: &[Member], bodies: &mut [Body<T>]) {
     for (index, member) in members.iter().enumerate() {
@@ -200,7 +209,8 @@ impl<T: Real> Articulated<T> {
         let moved_d = minus_times_skew(d, &b.transposed(), p);
         let [x, y, z] = moved_d.columns;
         let [bx, by, bz] = moved_b.columns;
-        let moved_d = Matrix3::from_columns(p.cross_add(bx, x), p.cross_add(by, y), p.cross_add(bz, z));
+        let moved_d =
+            Matrix3::from_columns(p.cross_add(bx, x), p.cross_add(by, y), p.cross_add(bz, z));
         self.a = self.a + a;
         self.b = self.b + moved_b;
         self.d = self.d + moved_d;

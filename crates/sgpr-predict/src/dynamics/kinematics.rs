@@ -29,15 +29,21 @@ pub fn frame_pose(robot: &Robot, ws: &mut Workspace, q: &[f64], frame: &Frame) -
     frame.joint.map_or(Pose::IDENTITY, |joint| poses[joint]) * frame.pose
 }
 
-/// Jacobian of `frame`: velocity of its origin (rows 0-2) and its angular velocity (rows 3-5), in base axes, per joint
-/// velocity. A force F and moment N on the arm at the frame need the joint torque -Jᵀ (F, N).
+/// Jacobian of `frame`: velocity of its origin (rows 0-2) and its angular velocity (rows 3-5), in
+/// base axes, per joint velocity. A force F and moment N on the arm at the frame need the joint
+/// torque -Jᵀ (F, N).
 ///
 /// - `q`: `[n]`, rad (m for prismatic joints)
 /// - returns `[6, n]`, row-major
 ///
 /// # Panics
 /// If `q` is not of length `robot.dof()`.
-pub fn jacobian<'ws>(robot: &Robot, ws: &'ws mut Workspace, q: &[f64], frame: &Frame) -> &'ws [f64] {
+pub fn jacobian<'ws>(
+    robot: &Robot,
+    ws: &'ws mut Workspace,
+    q: &[f64],
+    frame: &Frame,
+) -> &'ws [f64] {
     let n = robot.dof();
     let point = frame_pose(robot, ws, q, frame).translation;
     ws.jacobian.fill(0.0);
@@ -45,8 +51,11 @@ pub fn jacobian<'ws>(robot: &Robot, ws: &'ws mut Workspace, q: &[f64], frame: &F
         let joint = &robot.joints()[index];
         let pose = ws.poses[index];
         let axis = pose.rotation * joint.axis;
-        let (linear, angular) =
-            if joint.kind.is_rotation() { (axis.cross(point - pose.translation), axis) } else { (axis, Vector3::ZERO) };
+        let (linear, angular) = if joint.kind.is_rotation() {
+            (axis.cross(point - pose.translation), axis)
+        } else {
+            (axis, Vector3::ZERO)
+        };
         let column = linear.to_array().into_iter().chain(angular.to_array());
         for (row, value) in column.enumerate() {
             ws.jacobian[row * n + index] = value;

@@ -15,8 +15,8 @@ use crate::spatial::{LinkInertia, Matrix3, Vector3};
 /// # Panics
 /// If `q` is not of length `robot.dof()`.
 ///
-/// Source: M. W. Walker, D. E. Orin, Efficient dynamic computer simulation of robotic mechanisms, J. Dyn. Sys. Meas.
-/// Control 104 (1982), method 3.
+/// Source: M. W. Walker, D. E. Orin, Efficient dynamic computer simulation of robotic mechanisms,
+/// J. Dyn. Sys. Meas. Control 104 (1982), method 3.
 pub fn mass_matrix<'ws>(robot: &Robot, ws: &'ws mut Workspace, q: &[f64]) -> &'ws [f64] {
     let mut matrix = core::mem::take(&mut ws.mass_matrix);
     ws.run(robot, q, CompositeRigidBody { matrix: &mut matrix });
@@ -40,7 +40,8 @@ impl OnOneSample for CompositeRigidBody<'_> {
         }
         let mut carried = composite[n - 1];
         for (index, member) in members.iter().enumerate().rev() {
-            // In registers from link to link along a chain; through memory only where branches meet.
+            // In registers from link to link along a chain; through memory only where branches
+            // meet.
             let own = carried;
             if let Some(parent) = member.parent {
                 let body = &bodies[index];
@@ -85,7 +86,8 @@ impl<T: Real> LinkInertia<T> {
     fn plus_moved(&self, other: &Self, rotation: Matrix3<T>, position: Vector3<T>) -> Self {
         let h = rotation * other.first_moment;
         let turned = rotation * (other.inertia * rotation.transposed());
-        // Inertia about the new origin: -[p]x[h]x - [h]x[p]x - m [p]x[p]x, with [a]x[b]x = b aᵀ - (a·b) 1.
+        // Inertia about the new origin: -[p]x[h]x - [h]x[p]x - m [p]x[p]x, with [a]x[b]x = b aᵀ -
+        // (a·b) 1.
         let p = position;
         let moved = p.scale_add(other.mass, h);
         let diagonal = (moved + h).dot(p);

@@ -23,7 +23,8 @@ impl<T: Number> Momentum<T> {
         Self { weightless: weightless.chain().of::<T>(), bodies: vec![Body::zero(()); robot.dof()] }
     }
 
-    /// The momentum p = M(q) dq, and dM/dt dq: what it changes by per second as the arm moves on at dq.
+    /// The momentum p = M(q) dq, and dM/dt dq: what it changes by per second as the arm moves on at
+    /// dq.
     ///
     /// - all `[n]`
     pub fn run(&mut self, q: &[T], dq: &[T], momentum: &mut [T], change: &mut [T]) {
@@ -69,7 +70,11 @@ mod tests {
         for joint in 0..6 {
             let expected = (after[joint] - before[joint]) / (2.0 * STEP);
             assert!((momentum[joint] - now[joint]).abs() < 1e-13, "{momentum:?} {now:?}");
-            assert!((change[joint] - expected).abs() < 1e-8, "joint {joint}: {} {expected}", change[joint]);
+            assert!(
+                (change[joint] - expected).abs() < 1e-8,
+                "joint {joint}: {} {expected}",
+                change[joint]
+            );
             assert!((f64::from(single[joint]) - momentum[joint]).abs() < 1e-5);
             assert!((f64::from(single_change[joint]) - change[joint]).abs() < 1e-5);
         }

@@ -1,4 +1,5 @@
-//! The recursions over any number: of 32 bits, or an expression from which code for one robot is made.
+//! The recursions over any number: of 32 bits, or an expression from which code for one robot is
+//! made.
 
 use alloc::vec::Vec;
 
@@ -43,7 +44,8 @@ impl<T: Number> NumberWorkspace<T> {
         let (n, matrix) = (motion[0].len(), &mut self.regressor);
         let Scratch { bodies, axes, .. } = &mut self.scratch;
         regressor_kernel((), &self.chain, bodies, axes, |joint, link, block| {
-            matrix[(joint * n + link) * PARAMETERS_PER_LINK..][..PARAMETERS_PER_LINK].copy_from_slice(&block);
+            matrix[(joint * n + link) * PARAMETERS_PER_LINK..][..PARAMETERS_PER_LINK]
+                .copy_from_slice(&block);
         });
         &self.regressor
     }
@@ -53,7 +55,9 @@ impl<T: Number> NumberWorkspace<T> {
         self.set([q; 3]);
         forward_pass((), &self.chain, &mut self.scratch.bodies);
         self.poses.clear();
-        for (member, Body { rotation, position, .. }) in self.chain.members.iter().zip(&self.scratch.bodies) {
+        for (member, Body { rotation, position, .. }) in
+            self.chain.members.iter().zip(&self.scratch.bodies)
+        {
             let own = Pose::new(*rotation, *position);
             self.poses.push(member.parent.map_or(own, |parent| self.poses[parent] * own));
         }

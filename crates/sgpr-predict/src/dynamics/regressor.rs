@@ -17,10 +17,17 @@ use crate::spatial::{PARAMETERS_PER_LINK, Vector3};
 /// # Panics
 /// If a slice is not of length `robot.dof()`.
 ///
-/// Source: C. G. Atkeson, C. H. An, J. M. Hollerbach, Estimation of inertial parameters of manipulator loads and
-/// links, IJRR 5(3) (1986), eqs. 7-13: each link's wrench is linear in its ten parameters; here it is projected on the
-/// axes of the joints that carry the link, by virtual work. Checked against `rnea`.
-pub fn regressor<'ws>(robot: &Robot, ws: &'ws mut Workspace, q: &[f64], dq: &[f64], ddq: &[f64]) -> &'ws [f64] {
+/// Source: C. G. Atkeson, C. H. An, J. M. Hollerbach, Estimation of inertial parameters of
+/// manipulator loads and links, IJRR 5(3) (1986), eqs. 7-13: each link's wrench is linear in its
+/// ten parameters; here it is projected on the axes of the joints that carry the link, by virtual
+/// work. Checked against `rnea`.
+pub fn regressor<'ws>(
+    robot: &Robot,
+    ws: &'ws mut Workspace,
+    q: &[f64],
+    dq: &[f64],
+    ddq: &[f64],
+) -> &'ws [f64] {
     let n = robot.dof();
     assert!(dq.len() == n && ddq.len() == n, "one velocity and one acceleration per joint");
     let mut matrix = core::mem::take(&mut ws.regressor);
@@ -81,7 +88,8 @@ pub fn regressor_kernel<T: Real>(
             for &carrier in chain.path(parent) {
                 let [turning, sliding] = before[parent * n + carrier];
                 let sliding = turning.cross_add(body.position, sliding);
-                let axis = [body.rotation.transpose_mul(turning), body.rotation.transpose_mul(sliding)];
+                let axis =
+                    [body.rotation.transpose_mul(turning), body.rotation.transpose_mul(sliding)];
                 own[carrier] = axis;
                 emit(carrier, link, wrench.project(axis));
             }
@@ -145,7 +153,8 @@ impl<T: Real> LinkWrench<T> {
         block
     }
 
-    /// Derivative of `turning · moment`, with `mass` in the place of the mass, which makes no moment.
+    /// Derivative of `turning · moment`, with `mass` in the place of the mass, which makes no
+    /// moment.
     #[inline(always)]
     fn project_turning(&self, mass: T, turning: Vector3<T>) -> [T; PARAMETERS_PER_LINK] {
         let (e, w, dw) = (turning, self.w, self.dw);

@@ -24,9 +24,15 @@ use crate::simd::Real;
 /// assert!((tau[0] - 9.81 * 2.0).abs() < 1e-12 && (tau[1] - 9.81 * 0.5).abs() < 1e-12);
 /// ```
 ///
-/// Source: J. Y. S. Luh, M. W. Walker, R. P. C. Paul, On-line computational scheme for mechanical manipulators,
-/// J. Dyn. Sys. Meas. Control 102 (1980); on joint axes in link frames.
-pub fn rnea<'ws>(robot: &Robot, ws: &'ws mut Workspace, q: &[f64], dq: &[f64], ddq: &[f64]) -> &'ws [f64] {
+/// Source: J. Y. S. Luh, M. W. Walker, R. P. C. Paul, On-line computational scheme for mechanical
+/// manipulators, J. Dyn. Sys. Meas. Control 102 (1980); on joint axes in link frames.
+pub fn rnea<'ws>(
+    robot: &Robot,
+    ws: &'ws mut Workspace,
+    q: &[f64],
+    dq: &[f64],
+    ddq: &[f64],
+) -> &'ws [f64] {
     let n = robot.dof();
     assert!(dq.len() == n && ddq.len() == n, "one velocity and one acceleration per joint");
     inverse_dynamics(robot, ws, q, Some(dq), Some(ddq))
@@ -39,7 +45,12 @@ pub fn rnea<'ws>(robot: &Robot, ws: &'ws mut Workspace, q: &[f64], dq: &[f64], d
 ///
 /// # Panics
 /// If a slice is not of length `robot.dof()`.
-pub fn bias_forces<'ws>(robot: &Robot, ws: &'ws mut Workspace, q: &[f64], dq: &[f64]) -> &'ws [f64] {
+pub fn bias_forces<'ws>(
+    robot: &Robot,
+    ws: &'ws mut Workspace,
+    q: &[f64],
+    dq: &[f64],
+) -> &'ws [f64] {
     assert_eq!(dq.len(), robot.dof(), "one velocity per joint");
     inverse_dynamics(robot, ws, q, Some(dq), None)
 }
@@ -90,7 +101,11 @@ impl OnOneSample for NewtonEuler<'_> {
 
 /// Joint torques from joint motions, both in `bodies`.
 #[inline(always)]
-pub(crate) fn rnea_kernel<T: Real>(token: T::Token, chain: &Chain<T::Constant>, bodies: &mut [Body<T>]) {
+pub(crate) fn rnea_kernel<T: Real>(
+    token: T::Token,
+    chain: &Chain<T::Constant>,
+    bodies: &mut [Body<T>],
+) {
     forward_pass(token, chain, bodies);
     for (body, member) in bodies.iter_mut().zip(&chain.members) {
         (body.force, body.moment) = body.inertial_wrench(token, member);

@@ -11,7 +11,8 @@ use crate::spatial::{LinkInertia, Matrix3, Vector3};
 #[derive(Debug)]
 pub(crate) struct Scratch<T: Real> {
     pub bodies: Vec<Body<T>>,
-    /// `[i * n + j]`: axis of joint j as angular and linear motion of link i's origin, in link i's frame.
+    /// `[i * n + j]`: axis of joint j as angular and linear motion of link i's origin, in link i's
+    /// frame.
     pub axes: Vec<[Vector3<T>; 2]>,
     /// Inertia of everything that a joint carries.
     pub composite: Vec<LinkInertia<T>>,
@@ -21,7 +22,8 @@ pub(crate) struct Scratch<T: Real> {
 impl<T: Real> Scratch<T> {
     pub fn new(token: T::Token, dof: usize) -> Self {
         let zero = Vector3::zero(token);
-        let massless = LinkInertia { mass: T::zero(token), first_moment: zero, inertia: Matrix3::zero(token) };
+        let massless =
+            LinkInertia { mass: T::zero(token), first_moment: zero, inertia: Matrix3::zero(token) };
         Self {
             bodies: vec![Body::zero(token); dof],
             axes: vec![[zero, zero]; dof * dof],
@@ -56,8 +58,8 @@ pub(super) trait OnOneSample {
     fn run<T: LoneNumber>(self, robot: &Robot, scratch: &mut Scratch<T>);
 }
 
-/// Inertia of a link with everything behind it hanging on free joints: force = A a + B dw + `force`,
-/// moment = Bᵀ a + D dw + `moment`.
+/// Inertia of a link with everything behind it hanging on free joints: force = A a + B dw +
+/// `force`, moment = Bᵀ a + D dw + `moment`.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Articulated<T> {
     pub a: Matrix3<T>,
@@ -65,7 +67,8 @@ pub(crate) struct Articulated<T> {
     pub d: Matrix3<T>,
     pub force: Vector3<T>,
     pub moment: Vector3<T>,
-    /// What a unit acceleration of the joint needs: force, moment, and its share along the axis (inverted).
+    /// What a unit acceleration of the joint needs: force, moment, and its share along the axis
+    /// (inverted).
     pub unit_force: Vector3<T>,
     pub unit_moment: Vector3<T>,
     pub inverse: T,

@@ -44,7 +44,11 @@ impl Workspace {
     /// Runs `algorithm` with the joint positions set, compiled for this machine.
     #[inline(always)]
     pub(super) fn run<A: OnOneSample>(&mut self, robot: &Robot, q: &[f64], algorithm: A) {
-        assert_eq!(self.dof, robot.dof(), "the workspace was made for a robot with another number of joints");
+        assert_eq!(
+            self.dof,
+            robot.dof(),
+            "the workspace was made for a robot with another number of joints"
+        );
         assert_eq!(q.len(), self.dof, "one position per joint");
         let Self { machine, sin, cos, .. } = self;
         machine.run(robot, Positions { q, sin, cos }, algorithm);

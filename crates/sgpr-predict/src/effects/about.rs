@@ -68,8 +68,9 @@ impl fmt::Display for Origin {
     }
 }
 
-/// A part that an effect plays in the dynamics of a joint, for code that treats it in a way of its own: a robot file has
-/// a place for it, a simulator integrates it stiffly, another parameter can take its place.
+/// A part that an effect plays in the dynamics of a joint, for code that treats it in a way of its
+/// own: a robot file has a place for it, a simulator integrates it stiffly, another parameter can
+/// take its place.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Role {
     /// Proportional to the speed.

@@ -2,7 +2,9 @@ use alloc::vec::Vec;
 
 use super::columns::lag;
 use super::stepping::{LAG_STATE, Lag};
-use super::{About, Class, Constant, Effect, Entry, Needs, Origin, Reach, Site, Stepped, facts, written_once};
+use super::{
+    About, Class, Constant, Effect, Entry, Needs, Origin, Reach, Site, Stepped, facts, written_once,
+};
 
 /// A torque loop of first order: what is logged follows the torque with the time constant T.
 ///
@@ -26,7 +28,8 @@ impl Effect for ActuatorLag {
         About {
             class: Class::Transform,
             formula: "T dtau_log/dt + tau_log = tau",
-            source: "P. Corke, Robotics, Vision and Control (2011), section 9.1, motor current loop.",
+            source: "P. Corke, Robotics, Vision and Control (2011), section 9.1, motor current \
+                 loop.",
             signature: "like a delay at low frequency, steps are rounded",
             confusable: &["torque_delay"],
             experiment: "steps and chirps of the command",
@@ -41,7 +44,15 @@ impl Effect for ActuatorLag {
         vec![Site::Arm]
     }
 
-    fn transmit(&self, _: Site, constants: &[f64], _: usize, rate_hz: f64, values: &mut [f64], width: usize) {
+    fn transmit(
+        &self,
+        _: Site,
+        constants: &[f64],
+        _: usize,
+        rate_hz: f64,
+        values: &mut [f64],
+        width: usize,
+    ) {
         if rate_hz.is_finite() && constants[0] > 0.0 {
             lag(values, width, constants[0] * rate_hz);
         }
@@ -64,7 +75,14 @@ fn start_transmitted<S: Stepped>(torque: S, hidden: &mut [S]) {
     Lag(hidden).start(torque);
 }
 
-fn transmitted<S: Stepped>(_: Site, constants: &[f64], _: usize, rate_hz: f64, hidden: &mut [S], torque: S) -> S {
+fn transmitted<S: Stepped>(
+    _: Site,
+    constants: &[f64],
+    _: usize,
+    rate_hz: f64,
+    hidden: &mut [S],
+    torque: S,
+) -> S {
     if rate_hz.is_finite() && constants[0] > 0.0 {
         Lag(hidden).advance(torque, S::constant(constants[0] * rate_hz))
     } else {

@@ -1,10 +1,10 @@
 use super::{About, Effect, EffectParameter, JointState, Origin, Stepped, facts, written_once};
 
-/// Viscous friction that differs between the two directions: tau = Fva |dq| beside the viscous friction Fv dq, so
-/// that it is Fv + Fva forwards and Fv - Fva backwards.
+/// Viscous friction that differs between the two directions: tau = Fva |dq| beside the viscous
+/// friction Fv dq, so that it is Fv + Fva forwards and Fv - Fva backwards.
 ///
-/// Source: A. Janot, M. Gautier, M. Brunot, Data set and reference models of EMPS, Workshop on Nonlinear System
-/// Identification Benchmarks (2019), where a worn screw shows it.
+/// Source: A. Janot, M. Gautier, M. Brunot, Data set and reference models of EMPS, Workshop on
+/// Nonlinear System Identification Benchmarks (2019), where a worn screw shows it.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct AsymmetricViscousFriction;
 
@@ -20,7 +20,9 @@ impl Effect for AsymmetricViscousFriction {
     fn about(&self) -> About<'_> {
         About {
             formula: "tau = Fva |dq|",
-            source: "A. Janot, M. Gautier, M. Brunot, Data set and reference models of EMPS, Workshop on Nonlinear System Identification Benchmarks (2019), where a worn screw shows it.",
+            source: "A. Janot, M. Gautier, M. Brunot, Data set and reference models of EMPS, \
+                 Workshop on Nonlinear System Identification Benchmarks (2019), where a worn screw \
+                 shows it.",
             signature: "even in the speed, grows with it, zero at rest",
             confusable: &["stribeck_friction", "torque_offset"],
             experiment: "equal times at the same speeds in both directions",

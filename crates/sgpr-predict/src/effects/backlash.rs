@@ -1,16 +1,18 @@
 use super::fitting::SMALLEST_TORQUE;
 use super::stepping::{SMOOTH_DERIVATIVES_STATE, SmoothDerivatives};
 use super::{
-    About, Class, Constant, Effect, Entry, LinkSample, Needs, Origin, Reach, SampleInput, Site, StepState, Stepped,
-    Streamed, facts, written_once,
+    About, Class, Constant, Effect, Entry, LinkSample, Needs, Origin, Reach, SampleInput, Site,
+    StepState, Stepped, Streamed, facts, written_once,
 };
 #[cfg(feature = "trajectories")]
 use super::{Context, LinkMotion};
 
-/// Play b between the flanks of the gear: the link lies half of it to either side of the encoder, depending on the
-/// sign of the torque, with a soft transition of a twentieth of the joint's torque.
+/// Play b between the flanks of the gear: the link lies half of it to either side of the encoder,
+/// depending on the sign of the torque, with a soft transition of a twentieth of the joint's
+/// torque.
 ///
-/// Source: M. Nordin, P.-O. Gutman, Controlling mechanical systems with backlash - a survey, Automatica 38 (2002).
+/// Source: M. Nordin, P.-O. Gutman, Controlling mechanical systems with backlash - a survey,
+/// Automatica 38 (2002).
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Backlash;
 
@@ -31,19 +33,28 @@ impl Effect for Backlash {
         About {
             class: Class::Transform,
             formula: "q_link = q - b/2 tanh(tau_rb / ts)",
-            source: "M. Nordin, P.-O. Gutman, Controlling mechanical systems with backlash - a survey, Automatica 38 (2002).",
+            source: "M. Nordin, P.-O. Gutman, Controlling mechanical systems with backlash - a \
+                 survey, Automatica 38 (2002).",
             signature: "jumps when the transmitted torque changes sign",
             confusable: &["joint_elasticity", "presliding_friction"],
-            experiment: "motion that crosses zero torque slowly in both directions, with a sensor on the link side",
+            experiment: "motion that crosses zero torque slowly in both directions, with a sensor \
+                 on the link side",
             excitation: "zero crossings of the joint's torque",
             origin: Origin::Arm,
-            origin_reason: "the link lies elsewhere than the encoder says, in control as in the log",
+            origin_reason: "the link lies elsewhere than the encoder says, in control as in the \
+                 log",
             ..About::default()
         }
     }
 
     #[cfg(feature = "trajectories")]
-    fn link_motion(&self, site: Site, constants: &[f64], context: &Context<'_>, motion: &mut LinkMotion) {
+    fn link_motion(
+        &self,
+        site: Site,
+        constants: &[f64],
+        context: &Context<'_>,
+        motion: &mut LinkMotion,
+    ) {
         let joint = site.joint().expect("at a joint");
         let scale = (0.05 * context.rms(context.rigid_torque, joint)).max(SMALLEST_TORQUE);
         let side = |torque: f64| -0.5 * constants[0] * (torque / scale).tanh();
@@ -59,8 +70,8 @@ impl Effect for Backlash {
 
     fn streamed(&self) -> Streamed<'_> {
         Streamed::Nearly(
-            "the size of the joint's torque is that of the samples so far, and the torque is differentiated by a filter \
-             that looks back alone",
+            "the size of the joint's torque is that of the samples so far, and the torque is \
+             differentiated by a filter that looks back alone",
         )
     }
 

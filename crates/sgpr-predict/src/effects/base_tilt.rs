@@ -4,10 +4,11 @@ use super::{About, Class, Constant, Effect, Entry, Origin, Reach, Site, facts};
 use crate::robot::Robot;
 use crate::spatial::Matrix3;
 
-/// A base that does not stand upright: gravity turned in base axes by a roll about x and a pitch about y.
+/// A base that does not stand upright: gravity turned in base axes by a roll about x and a pitch
+/// about y.
 ///
-/// Source: common in calibration; W. Khalil, E. Dombre, Modeling, Identification and Control of Robots (2002),
-/// section 9.3, with gravity as a parameter.
+/// Source: common in calibration; W. Khalil, E. Dombre, Modeling, Identification and Control of
+/// Robots (2002), section 9.3, with gravity as a parameter.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct BaseTilt;
 
@@ -31,8 +32,10 @@ impl Effect for BaseTilt {
         About {
             class: Class::Transform,
             formula: "g_base = R(roll, pitch)ᵀ g",
-            source: "common in calibration; W. Khalil, E. Dombre, Modeling, Identification and Control of Robots (2002), section 9.3, with gravity as a parameter.",
-            signature: "torque of a vertical first joint, which should have none, follows the sine of its position",
+            source: "common in calibration; W. Khalil, E. Dombre, Modeling, Identification and \
+                 Control of Robots (2002), section 9.3, with gravity as a parameter.",
+            signature: "torque of a vertical first joint, which should have none, follows the sine \
+                 of its position",
             confusable: &["cable_stiffness", "torque_offset"],
             experiment: "joint 1 over a whole turn with the arm stretched out",
             excitation: "the first joint moves by a radian or more",

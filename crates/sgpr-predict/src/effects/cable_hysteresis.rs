@@ -9,7 +9,8 @@ pub(super) struct CableHysteresis;
 
 const PARAMETERS: [EffectParameter; 1] = [EffectParameter::signed("Th", "N·m", "N")];
 
-const CONSTANTS: [Constant; 1] = [Constant::logarithmic("zs", ["rad", "m"], [0.045, 1.0], &[0.1, 0.3])];
+const CONSTANTS: [Constant; 1] =
+    [Constant::logarithmic("zs", ["rad", "m"], [0.045, 1.0], &[0.1, 0.3])];
 
 impl Effect for CableHysteresis {
     facts! {

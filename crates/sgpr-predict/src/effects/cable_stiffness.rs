@@ -2,8 +2,8 @@ use super::{About, Effect, EffectParameter, JointState, Origin, Stepped, facts, 
 
 /// Spring of a hose or dress pack: tau = k (q - q0), written k q + tau0.
 ///
-/// Source: G. Gilardi, I. Sharf, Literature survey of contact dynamics modelling, Mech. Mach. Theory 37 (2002), for
-/// linear elastic elements; the use for dress packs is common practice.
+/// Source: G. Gilardi, I. Sharf, Literature survey of contact dynamics modelling, Mech. Mach.
+/// Theory 37 (2002), for linear elastic elements; the use for dress packs is common practice.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct CableStiffness;
 
@@ -20,7 +20,9 @@ impl Effect for CableStiffness {
     fn about(&self) -> About<'_> {
         About {
             formula: "tau = k q + tau0, tau0 = -k q0",
-            source: "G. Gilardi, I. Sharf, Literature survey of contact dynamics modelling, Mech. Mach. Theory 37 (2002), for linear elastic elements; the use for dress packs is common practice.",
+            source: "G. Gilardi, I. Sharf, Literature survey of contact dynamics modelling, Mech. \
+                 Mach. Theory 37 (2002), for linear elastic elements; the use for dress packs is \
+                 common practice.",
             signature: "monotone in the joint's own position, the same in both directions",
             confusable: &["rotor_inertia", "spring_balancer", "cable_hysteresis"],
             experiment: "a slow sweep over the whole range in both directions",
@@ -31,7 +33,8 @@ impl Effect for CableStiffness {
         }
     }
 
-    /// A hose pulls back. What pushes away a little may be noise of the acceleration, which makes the inertia too small.
+    /// A hose pulls back. What pushes away a little may be noise of the acceleration, which makes
+    /// the inertia too small.
     fn is_plausible(&self, coefficients: &[f64]) -> bool {
         coefficients[0] >= 0.0
     }

@@ -14,14 +14,19 @@ use crate::simd::Number;
 use crate::spatial::{Matrix3, PARAMETERS_PER_LINK, Vector3};
 
 /// Columns cos(n q) and sin(n q) of the joint's position, with n = `order`.
-pub(super) fn harmonic<S: Stepped>(input: &SampleInput<'_, S>, site: Site, order: f64, columns: &mut [S]) {
+pub(super) fn harmonic<S: Stepped>(
+    input: &SampleInput<'_, S>,
+    site: Site,
+    order: f64,
+    columns: &mut [S],
+) {
     let (sine, cosine) = (input.q[site.joint().expect("at a joint")] * order).sin_cos();
     columns[0] = cosine;
     columns[1] = sine;
 }
 
-/// One after the time `edge`, zero before it and where the time is not known; the sample in whose period the edge falls
-/// gets its share.
+/// One after the time `edge`, zero before it and where the time is not known; the sample in whose
+/// period the edge falls gets its share.
 #[inline]
 pub(super) fn after<S: Stepped>(time: S::Time, edge: f64, rate_hz: f64) -> S {
     let [zero, one] = [0.0, 1.0].map(S::constant);
@@ -29,7 +34,11 @@ pub(super) fn after<S: Stepped>(time: S::Time, edge: f64, rate_hz: f64) -> S {
     if !since.is_known() {
         return zero;
     }
-    if rate_hz.is_finite() { (since * rate_hz + 0.5).clamp(zero, one) } else { since.where_positive(one, zero) }
+    if rate_hz.is_finite() {
+        (since * rate_hz + 0.5).clamp(zero, one)
+    } else {
+        since.where_positive(one, zero)
+    }
 }
 
 /// The ten inertial parameters of a link, of which the mass is `mass`.
@@ -54,18 +63,29 @@ pub(super) const fn of_a_link(mass: EffectParameter) -> [EffectParameter; 10] {
     ]
 }
 
-/// Columns of the ten inertial parameters of the link that `joint` carries, each sample times `weight(sample)`.
+/// Columns of the ten inertial parameters of the link that `joint` carries, each sample times
+/// `weight(sample)`.
 ///
-/// - `out`: ten times `[samples, n]`, zero before: rows without weight and joints that do not carry the link stay as they are
+/// - `out`: ten times `[samples, n]`, zero before: rows without weight and joints that do not carry
+///   the link stay as they are
 #[cfg(feature = "trajectories")]
-pub(super) fn link_regressor(context: &Context<'_>, joint: usize, weight: impl Fn(usize) -> f64, out: &mut [Vec<f64>]) {
+pub(super) fn link_regressor(
+    context: &Context<'_>,
+    joint: usize,
+    weight: impl Fn(usize) -> f64,
+    out: &mut [Vec<f64>],
+) {
     let n = context.dof();
     let counts = |k: &usize| weight(*k) != 0.0;
     let Some(start) = (0..context.len()).find(counts) else { return };
     let end = (start..context.len()).rfind(counts).map_or(start, |last| last + 1);
     let rows = n * start..n * end;
     let mut ws = BatchWorkspace::new(context.robot);
-    let samples = Samples { q: &context.q[rows.clone()], dq: &context.dq[rows.clone()], ddq: &context.ddq[rows] };
+    let samples = Samples {
+        q: &context.q[rows.clone()],
+        dq: &context.dq[rows.clone()],
+        ddq: &context.ddq[rows],
+    };
     for_each_regressor_block(context.robot, &mut ws, samples, |row, link, first, count, block| {
         if link == joint {
             for (out, values) in out.iter_mut().zip(block) {
@@ -77,7 +97,8 @@ pub(super) fn link_regressor(context: &Context<'_>, joint: usize, weight: impl F
     });
 }
 
-/// Columns of the ten inertial parameters of the link that `joint` carries at one sample, times `weight`.
+/// Columns of the ten inertial parameters of the link that `joint` carries at one sample, times
+/// `weight`.
 ///
 /// - `columns`: ten times `[n]`
 pub(super) fn link_columns<S: Stepped>(
@@ -100,8 +121,8 @@ pub(super) fn link_columns<S: Stepped>(
     }
 }
 
-/// Calls `each(joint, lever)` for the joints that move the last link's origin: how it moves with each, and the axes of
-/// that link as columns.
+/// Calls `each(joint, lever)` for the joints that move the last link's origin: how it moves with
+/// each, and the axes of that link as columns.
 pub(super) fn tip_levers<S: Stepped>(
     input: &SampleInput<'_, S>,
     state: &mut StepState<'_, S>,
@@ -113,12 +134,16 @@ pub(super) fn tip_levers<S: Stepped>(
         let (joint, pose) = (&robot.joints()[carrier], &poses[carrier]);
         let axis = pose.rotation * Vector3::constant(joint.axis);
         let rotates = joint.kind.is_rotation();
-        each(carrier, if rotates { axis.cross(poses[tip].translation - pose.translation) } else { axis });
+        each(
+            carrier,
+            if rotates { axis.cross(poses[tip].translation - pose.translation) } else { axis },
+        );
     }
     poses[tip].rotation
 }
 
-/// Delays every column of `[samples, width]` by `delay` samples, by cubic interpolation; the ends repeat.
+/// Delays every column of `[samples, width]` by `delay` samples, by cubic interpolation; the ends
+/// repeat.
 pub(super) fn shift(values: &mut [f64], width: usize, delay: f64) {
     let samples = values.len() / width.max(1);
     if samples == 0 || delay == 0.0 {
@@ -131,7 +156,8 @@ pub(super) fn shift(values: &mut [f64], width: usize, delay: f64) {
     for (k, row) in values.chunks_exact_mut(width).enumerate() {
         row.fill(0.0);
         for (offset, weight) in weights.iter().enumerate() {
-            let from = (k as i64 + whole as i64 + offset as i64 - 1).clamp(0, samples as i64 - 1) as usize;
+            let from =
+                (k as i64 + whole as i64 + offset as i64 - 1).clamp(0, samples as i64 - 1) as usize;
             for (value, source) in row.iter_mut().zip(&source[from * width..]) {
                 *value += weight * source;
             }
@@ -139,7 +165,8 @@ pub(super) fn shift(values: &mut [f64], width: usize, delay: f64) {
     }
 }
 
-/// First-order lag with a time constant of `samples` sampling periods, for a torque that is linear between samples.
+/// First-order lag with a time constant of `samples` sampling periods, for a torque that is linear
+/// between samples.
 pub(super) fn lag(values: &mut [f64], width: usize, samples: f64) {
     let decay = Number::exp(-1.0 / samples);
     // Exact for a ramp between samples: y' = (u - y) / T.

@@ -89,7 +89,8 @@ impl<'a> Context<'a> {
         Number::sqrt(squares / self.len().max(1) as f64)
     }
 
-    /// The channel that holds a temperature in degrees Celsius, of `joint` if there is one of its own.
+    /// The channel that holds a temperature in degrees Celsius, of `joint` if there is one of its
+    /// own.
     pub fn temperature_celsius(&self, joint: usize) -> Option<&'a [f64]> {
         let name = &self.robot.joints()[joint].name;
         let number = (joint + 1).to_string();
@@ -102,8 +103,16 @@ impl<'a> Context<'a> {
             channel.name.contains(name.as_str()) || digits == number
         };
         let general = |channel: &&Channel| !channel.name.chars().any(|c| c.is_ascii_digit());
-        let all = || self.channels.iter().filter(words).filter(|channel| channel.values.iter().all(|v| v.is_finite()));
-        all().find(of_joint).or_else(|| all().find(general)).map(|channel| channel.values.as_slice())
+        let all = || {
+            self.channels
+                .iter()
+                .filter(words)
+                .filter(|channel| channel.values.iter().all(|v| v.is_finite()))
+        };
+        all()
+            .find(of_joint)
+            .or_else(|| all().find(general))
+            .map(|channel| channel.values.as_slice())
     }
 }
 
@@ -121,16 +130,23 @@ pub struct LinkMotion {
 
 #[cfg(feature = "trajectories")]
 impl LinkMotion {
-    /// Adds a deflection of `joint`, `[samples]`, and its derivatives. Without a sampling rate only the position moves.
+    /// Adds a deflection of `joint`, `[samples]`, and its derivatives. Without a sampling rate only
+    /// the position moves.
     pub fn deflect(&mut self, joint: usize, deflection: &[f64], rate_hz: f64) {
         let n = self.q.len() / deflection.len().max(1);
         let add = |target: &mut [f64], values: &[f64]| {
-            target.iter_mut().skip(joint).step_by(n).zip(values).for_each(|(target, value)| *target += value);
+            target
+                .iter_mut()
+                .skip(joint)
+                .step_by(n)
+                .zip(values)
+                .for_each(|(target, value)| *target += value);
         };
         add(&mut self.q, deflection);
         let differentiation = Differentiation::Central { accuracy: 4 };
         if rate_hz.is_finite()
-            && let Ok((velocity, acceleration)) = differentiation.derivatives(deflection, 1, rate_hz)
+            && let Ok((velocity, acceleration)) =
+                differentiation.derivatives(deflection, 1, rate_hz)
         {
             add(&mut self.dq, &velocity);
             add(&mut self.ddq, &acceleration);

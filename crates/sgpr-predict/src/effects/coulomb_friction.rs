@@ -1,9 +1,11 @@
-use super::{About, Effect, EffectParameter, JointState, Origin, Role, Stepped, facts, written_once};
+use super::{
+    About, Effect, EffectParameter, JointState, Origin, Role, Stepped, facts, written_once,
+};
 
 /// Coulomb friction tau = Fc sgn(dq), with sgn(0) = 0.
 ///
-/// Source: B. Armstrong-Hélouvry, P. Dupont, C. Canudas de Wit, A survey of models, analysis tools and compensation
-/// methods for the control of machines with friction, Automatica 30(7) (1994).
+/// Source: B. Armstrong-Hélouvry, P. Dupont, C. Canudas de Wit, A survey of models, analysis tools
+/// and compensation methods for the control of machines with friction, Automatica 30(7) (1994).
 #[derive(Clone, Copy, Debug)]
 pub(super) struct CoulombFriction;
 
@@ -20,7 +22,9 @@ impl Effect for CoulombFriction {
     fn about(&self) -> About<'_> {
         About {
             formula: "tau = Fc sgn(dq)",
-            source: "B. Armstrong-Hélouvry, P. Dupont, C. Canudas de Wit, A survey of models, analysis tools and compensation methods for the control of machines with friction, Automatica 30(7) (1994).",
+            source: "B. Armstrong-Hélouvry, P. Dupont, C. Canudas de Wit, A survey of models, \
+                 analysis tools and compensation methods for the control of machines with \
+                 friction, Automatica 30(7) (1994).",
             signature: "odd in the speed, the same at every speed, steps at reversals",
             confusable: &["presliding_friction", "stribeck_friction", "load_dependent_friction"],
             experiment: "constant speeds in both directions, at three speeds or more",

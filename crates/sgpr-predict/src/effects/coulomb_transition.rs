@@ -1,17 +1,17 @@
 use super::{
-    About, Class, Constant, Effect, EffectParameter, Entry, Origin, SampleInput, Site, StepState, Stepped, facts,
-    written_once,
+    About, Class, Constant, Effect, EffectParameter, Entry, Origin, SampleInput, Site, StepState,
+    Stepped, facts, written_once,
 };
 
-/// How dry friction changes sign at a reversal: over a range of speeds instead of at once. The column is the difference
-/// of a line that ends at vc, clip(dq / vc, -1, 1), and sgn(dq).
+/// How dry friction changes sign at a reversal: over a range of speeds instead of at once. The
+/// column is the difference of a line that ends at vc, clip(dq / vc, -1, 1), and sgn(dq).
 ///
-/// Simulators regularise dry friction in this way, and lubricated contacts carry less at creeping speed. A model with
-/// Coulomb friction has the effect already, with vc = 0: to leave that constant frozen makes other effects of slow motion
-/// appear that are not there.
+/// Simulators regularise dry friction in this way, and lubricated contacts carry less at creeping
+/// speed. A model with Coulomb friction has the effect already, with vc = 0: to leave that constant
+/// frozen makes other effects of slow motion appear that are not there.
 ///
-/// Source: D. Karnopp, Computer simulation of stick-slip friction in mechanical dynamic systems, ASME J. Dyn. Syst. 107
-/// (1985), on regularised friction.
+/// Source: D. Karnopp, Computer simulation of stick-slip friction in mechanical dynamic systems,
+/// ASME J. Dyn. Syst. 107 (1985), on regularised friction.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct CoulombTransition;
 
@@ -38,7 +38,8 @@ impl Effect for CoulombTransition {
         About {
             class: Class::Nonlinear,
             formula: "tau = Fct (clip(dq/vc, -1, 1) - sgn(dq)), beside Fc sgn(dq)",
-            source: "D. Karnopp, Computer simulation of stick-slip friction in mechanical dynamic systems, ASME J. Dyn. Syst. 107 (1985).",
+            source: "D. Karnopp, Computer simulation of stick-slip friction in mechanical dynamic \
+                 systems, ASME J. Dyn. Syst. 107 (1985).",
             signature: "friction that is too small at low speed",
             confusable: &["nonlinear_viscous_friction", "presliding_friction"],
             experiment: "constant speeds on a logarithmic grid",

@@ -1,8 +1,8 @@
 use alloc::vec::Vec;
 
 use super::{
-    About, Class, Constant, Effect, Entry, LinkSample, Origin, Reach, SampleInput, Site, StepState, Stepped, facts,
-    written_once,
+    About, Class, Constant, Effect, Entry, LinkSample, Origin, Reach, SampleInput, Site, StepState,
+    Stepped, facts, written_once,
 };
 #[cfg(feature = "trajectories")]
 use super::{Context, LinkMotion};
@@ -33,7 +33,8 @@ impl Effect for EncoderEccentricity {
         About {
             class: Class::Transform,
             formula: "q_link = q + e1 cos q + e2 sin q",
-            source: "H. Heidenhain, Encoders for servo drives (1999), eccentricity of the graduation.",
+            source: "H. Heidenhain, Encoders for servo drives (1999), eccentricity of the \
+                 graduation.",
             signature: "once per turn",
             confusable: &["position_dependent_friction", "encoder_offset"],
             experiment: "sweeps over whole turns",
@@ -45,11 +46,20 @@ impl Effect for EncoderEccentricity {
     }
 
     fn sites(&self, robot: &crate::robot::Robot) -> Vec<Site> {
-        (0..robot.dof()).filter(|&joint| robot.joints()[joint].kind.is_rotation()).map(Site::Joint).collect()
+        (0..robot.dof())
+            .filter(|&joint| robot.joints()[joint].kind.is_rotation())
+            .map(Site::Joint)
+            .collect()
     }
 
     #[cfg(feature = "trajectories")]
-    fn link_motion(&self, site: Site, constants: &[f64], context: &Context<'_>, motion: &mut LinkMotion) {
+    fn link_motion(
+        &self,
+        site: Site,
+        constants: &[f64],
+        context: &Context<'_>,
+        motion: &mut LinkMotion,
+    ) {
         let joint = site.joint().expect("at a joint");
         for k in 0..context.len() {
             let (at, state) = (k * context.dof() + joint, context.state(k));

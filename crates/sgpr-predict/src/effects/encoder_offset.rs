@@ -1,14 +1,15 @@
 use super::{
-    About, Class, Constant, Effect, Entry, LinkSample, Origin, Reach, SampleInput, Site, StepState, Stepped, facts,
-    written_once,
+    About, Class, Constant, Effect, Entry, LinkSample, Origin, Reach, SampleInput, Site, StepState,
+    Stepped, facts, written_once,
 };
 #[cfg(feature = "trajectories")]
 use super::{Context, LinkMotion};
 
-/// A joint whose zero is off: q_link = q + d. A refit turns the inertial parameters and absorbs nearly all of it.
+/// A joint whose zero is off: q_link = q + d. A refit turns the inertial parameters and absorbs
+/// nearly all of it.
 ///
-/// Source: W. Khalil, E. Dombre, Modeling, Identification and Control of Robots (2002), section 11, geometric
-/// calibration.
+/// Source: W. Khalil, E. Dombre, Modeling, Identification and Control of Robots (2002), section 11,
+/// geometric calibration.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct EncoderOffset;
 
@@ -29,7 +30,8 @@ impl Effect for EncoderOffset {
         About {
             class: Class::Transform,
             formula: "q_link = q + d",
-            source: "W. Khalil, E. Dombre, Modeling, Identification and Control of Robots (2002), section 11, geometric calibration.",
+            source: "W. Khalil, E. Dombre, Modeling, Identification and Control of Robots (2002), \
+                 section 11, geometric calibration.",
             signature: "a turn of the gravity torques",
             confusable: &["link_inertia_error", "joint_elasticity"],
             experiment: "the same motion with a known payload; static poses to both sides",
@@ -41,7 +43,13 @@ impl Effect for EncoderOffset {
     }
 
     #[cfg(feature = "trajectories")]
-    fn link_motion(&self, site: Site, constants: &[f64], context: &Context<'_>, motion: &mut LinkMotion) {
+    fn link_motion(
+        &self,
+        site: Site,
+        constants: &[f64],
+        context: &Context<'_>,
+        motion: &mut LinkMotion,
+    ) {
         let joint = site.joint().expect("at a joint");
         motion.q.iter_mut().skip(joint).step_by(context.dof()).for_each(|q| *q += constants[0]);
     }

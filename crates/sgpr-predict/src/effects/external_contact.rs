@@ -2,16 +2,16 @@ use alloc::vec::Vec;
 
 use super::columns::{after, tip_levers};
 use super::{
-    About, Class, Constant, Effect, EffectParameter, Entry, Origin, Reach, SampleInput, Scale, Site, StepState,
-    Stepped, facts, written_once,
+    About, Class, Constant, Effect, EffectParameter, Entry, Origin, Reach, SampleInput, Scale,
+    Site, StepState, Stepped, facts, written_once,
 };
 use crate::spatial::Vector3;
 
-/// A force on the origin of the last link between t0 and t1, constant in base axes (F), in axes of the link (f), or the
-/// sum of both: tau = Jᵀ (F + R f).
+/// A force on the origin of the last link between t0 and t1, constant in base axes (F), in axes of
+/// the link (f), or the sum of both: tau = Jᵀ (F + R f).
 ///
-/// Source: S. Haddadin, A. De Luca, A. Albu-Schäffer, Robot collisions: a survey on detection, isolation, and
-/// identification, IEEE Trans. Robotics 33(6) (2017).
+/// Source: S. Haddadin, A. De Luca, A. Albu-Schäffer, Robot collisions: a survey on detection,
+/// isolation, and identification, IEEE Trans. Robotics 33(6) (2017).
 #[derive(Clone, Copy, Debug)]
 pub(super) struct ExternalContact;
 
@@ -42,8 +42,10 @@ impl Effect for ExternalContact {
     fn about(&self) -> About<'_> {
         About {
             class: Class::ChangePoint,
-            formula: "tau = Jᵀ (F + R f) for t0 < t < t1, F in base axes, f in axes of the last link",
-            source: "S. Haddadin, A. De Luca, A. Albu-Schäffer, Robot collisions: a survey on detection, isolation, and identification, IEEE Trans. Robotics 33(6) (2017).",
+            formula: "tau = Jᵀ (F + R f) for t0 < t < t1, F in base axes, f in axes of the last \
+                 link",
+            source: "S. Haddadin, A. De Luca, A. Albu-Schäffer, Robot collisions: a survey on \
+                 detection, isolation, and identification, IEEE Trans. Robotics 33(6) (2017).",
             signature: "in the pattern of the Jacobian over the joints, for a limited time",
             confusable: &["payload_change"],
             experiment: "repeat the motion",

@@ -2,7 +2,8 @@ use alloc::vec::Vec;
 
 use super::columns::tip_levers;
 use super::{
-    About, Effect, EffectParameter, Entry, Origin, Reach, SampleInput, Site, StepState, Stepped, facts, written_once,
+    About, Effect, EffectParameter, Entry, Origin, Reach, SampleInput, Site, StepState, Stepped,
+    facts, written_once,
 };
 use crate::spatial::Vector3;
 
@@ -44,7 +45,13 @@ impl Effect for ExternalDrag {
     written_once!(advance: law);
 }
 
-fn law<S: Stepped>(_: Site, _: &[f64], input: &SampleInput<'_, S>, state: &mut StepState<'_, S>, columns: &mut [S]) {
+fn law<S: Stepped>(
+    _: Site,
+    _: &[f64],
+    input: &SampleInput<'_, S>,
+    state: &mut StepState<'_, S>,
+    columns: &mut [S],
+) {
     let mut v = Vector3::zero(());
     tip_levers(input, state, |joint, lever| v = v + lever * input.dq[joint]);
     let along = v * v.dot(v).sqrt();

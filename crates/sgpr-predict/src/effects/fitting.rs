@@ -54,7 +54,10 @@ impl Constant {
 /// Every point of which each coordinate is one of its grid's values, the last coordinate fastest.
 pub fn points_of(grids: &[Vec<f64>]) -> Vec<Vec<f64>> {
     grids.iter().fold(vec![vec![]], |points, grid| {
-        points.iter().flat_map(|point| grid.iter().map(move |x| [&point[..], &[*x]].concat())).collect()
+        points
+            .iter()
+            .flat_map(|point| grid.iter().map(move |x| [&point[..], &[*x]].concat()))
+            .collect()
     })
 }
 
@@ -75,5 +78,8 @@ pub struct JointRanges {
 
 /// The effect of the library that plays a part.
 pub fn with_role(role: Role) -> Arc<dyn Effect> {
-    registry().into_iter().find(|effect| effect.role() == Some(role)).expect("every part has its effect")
+    registry()
+        .into_iter()
+        .find(|effect| effect.role() == Some(role))
+        .expect("every part has its effect")
 }

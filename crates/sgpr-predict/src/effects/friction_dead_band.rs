@@ -1,10 +1,13 @@
 use super::{
-    About, Effect, EffectParameter, Entry, Origin, SampleInput, Site, StepState, Stepped, facts, written_once,
+    About, Effect, EffectParameter, Entry, Origin, SampleInput, Site, StepState, Stepped, facts,
+    written_once,
 };
 
-/// Dead band of the drive: a current that is lost near zero and must be added in the direction of the torque.
+/// Dead band of the drive: a current that is lost near zero and must be added in the direction of
+/// the torque.
 ///
-/// Source: G. Tao, P. V. Kokotović, Adaptive Control of Systems with Actuator and Sensor Nonlinearities (1996).
+/// Source: G. Tao, P. V. Kokotović, Adaptive Control of Systems with Actuator and Sensor
+/// Nonlinearities (1996).
 #[derive(Clone, Copy, Debug)]
 pub(super) struct FrictionDeadBand;
 
@@ -22,7 +25,8 @@ impl Effect for FrictionDeadBand {
     fn about(&self) -> About<'_> {
         About {
             formula: "tau = d sgn(tau)",
-            source: "G. Tao, P. V. Kokotović, Adaptive Control of Systems with Actuator and Sensor Nonlinearities (1996).",
+            source: "G. Tao, P. V. Kokotović, Adaptive Control of Systems with Actuator and Sensor \
+                 Nonlinearities (1996).",
             signature: "odd in the torque, not in the speed",
             confusable: &["coulomb_friction", "torque_gain_error"],
             experiment: "poses in which the joint is held and driven back",
@@ -36,6 +40,12 @@ impl Effect for FrictionDeadBand {
     written_once!(advance: law);
 }
 
-fn law<S: Stepped>(site: Site, _: &[f64], input: &SampleInput<'_, S>, _: &mut StepState<'_, S>, columns: &mut [S]) {
+fn law<S: Stepped>(
+    site: Site,
+    _: &[f64],
+    input: &SampleInput<'_, S>,
+    _: &mut StepState<'_, S>,
+    columns: &mut [S],
+) {
     columns[0] = input.torque[site.joint().expect("at a joint")].sgn();
 }

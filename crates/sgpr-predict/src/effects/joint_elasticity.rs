@@ -5,26 +5,28 @@ use crate::signal::{LowPass, Spectrum};
 use super::stepping::{ABOVE, WINDOW_S};
 use super::stepping::{SMOOTH_DERIVATIVES_STATE, SmoothDerivatives};
 use super::{
-    About, Class, Constant, Effect, Entry, LinkSample, Needs, Origin, Reach, SampleInput, Site, StepState, Stepped,
-    Streamed, facts, written_once,
+    About, Class, Constant, Effect, Entry, LinkSample, Needs, Origin, Reach, SampleInput, Site,
+    StepState, Stepped, Streamed, facts, written_once,
 };
 #[cfg(feature = "trajectories")]
 use super::{Context, LinkMotion};
 
-/// Elastic transmission: the link lags behind the encoder on the motor side by the torque it takes, q_link = q - c
-/// tau_rb, with the compliance c = 1 / k.
+/// Elastic transmission: the link lags behind the encoder on the motor side by the torque it takes,
+/// q_link = q - c tau_rb, with the compliance c = 1 / k.
 ///
-/// Source: M. W. Spong, Modeling and control of elastic joint robots, ASME J. Dyn. Syst. 109 (1987); a first-order
-/// (quasi-static) link motion.
+/// Source: M. W. Spong, Modeling and control of elastic joint robots, ASME J. Dyn. Syst. 109
+/// (1987); a first-order (quasi-static) link motion.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct JointElasticity;
 
-const CONSTANTS: [Constant; 1] = [Constant::neutral_at_zero("c", ["rad/(N·m)", "m/N"], [0.0, 0.1], 1e-6)];
+const CONSTANTS: [Constant; 1] =
+    [Constant::neutral_at_zero("c", ["rad/(N·m)", "m/N"], [0.0, 0.1], 1e-6)];
 
 impl Effect for JointElasticity {
     facts! {
         name: "joint_elasticity",
-        summary: "A transmission that twists under load, so that the link is not where the motor's encoder says.",
+        summary: "A transmission that twists under load, so that the link is not where the motor's \
+             encoder says.",
         parameters: &[],
         constants: &CONSTANTS,
         entry: Entry::Transform,
@@ -36,22 +38,34 @@ impl Effect for JointElasticity {
         About {
             class: Class::Transform,
             formula: "q_link = q - c tau_rb, c = 1/k",
-            source: "M. W. Spong, Modeling and control of elastic joint robots, ASME J. Dyn. Syst. 109 (1987); a first-order (quasi-static) link motion.",
-            signature: "on all joints inboard, follows the joint's torque and its second derivative",
+            source: "M. W. Spong, Modeling and control of elastic joint robots, ASME J. Dyn. Syst. \
+                 109 (1987); a first-order (quasi-static) link motion.",
+            signature: "on all joints inboard, follows the joint's torque and its second \
+                 derivative",
             confusable: &["backlash", "encoder_offset", "link_flexibility"],
-            experiment: "static poses with two payloads and a sensor on the link side, or fast motion near a third of the resonance",
+            experiment: "static poses with two payloads and a sensor on the link side, or fast \
+                 motion near a third of the resonance",
             excitation: "accelerations and torques of the joint that change much",
             origin: Origin::Arm,
-            origin_reason: "the link lies elsewhere than the encoder says, in control as in the log",
+            origin_reason: "the link lies elsewhere than the encoder says, in control as in the \
+                 log",
             ..About::default()
         }
     }
 
     #[cfg(feature = "trajectories")]
-    fn link_motion(&self, site: Site, constants: &[f64], context: &Context<'_>, motion: &mut LinkMotion) {
+    fn link_motion(
+        &self,
+        site: Site,
+        constants: &[f64],
+        context: &Context<'_>,
+        motion: &mut LinkMotion,
+    ) {
         let joint = site.joint().expect("at a joint");
-        let mut twist: Vec<f64> =
-            context.of_joint(context.rigid_torque, joint).map(|torque| -constants[0] * torque).collect();
+        let mut twist: Vec<f64> = context
+            .of_joint(context.rigid_torque, joint)
+            .map(|torque| -constants[0] * torque)
+            .collect();
         smooth(&mut twist, context);
         motion.deflect(joint, &twist, context.rate_hz);
     }
@@ -64,8 +78,8 @@ impl Effect for JointElasticity {
 
     fn streamed(&self) -> Streamed<'_> {
         Streamed::Nearly(
-            "the twist is differentiated by a filter that looks back alone, with a cut-off that follows from the speeds \
-             and accelerations so far",
+            "the twist is differentiated by a filter that looks back alone, with a cut-off that \
+             follows from the speeds and accelerations so far",
         )
     }
 
@@ -92,9 +106,10 @@ fn links<S: Stepped>(
     links.ddq[joint] += acceleration;
 }
 
-/// Takes out what lies far above the motion: the torque holds second derivatives of the position, the link's motion those
-/// of the torque, and noise that is differentiated four times hides everything. In a slow log the torque itself is
-/// mostly noise there: the speeds of all joints say how fast the motion is.
+/// Takes out what lies far above the motion: the torque holds second derivatives of the position,
+/// the link's motion those of the torque, and noise that is differentiated four times hides
+/// everything. In a slow log the torque itself is mostly noise there: the speeds of all joints say
+/// how fast the motion is.
 #[cfg(feature = "trajectories")]
 fn smooth(twist: &mut [f64], context: &Context<'_>) {
     const POWER: f64 = 0.995;
@@ -102,8 +117,10 @@ fn smooth(twist: &mut [f64], context: &Context<'_>) {
     if !rate_hz.is_finite() {
         return;
     }
-    let speeds = (0..context.dof()).map(|joint| context.of_joint(context.dq, joint).collect::<Vec<f64>>());
-    let spectra = speeds.map(|speed| Spectrum::welch(&speed, rate_hz, (WINDOW_S * rate_hz) as usize));
+    let speeds =
+        (0..context.dof()).map(|joint| context.of_joint(context.dq, joint).collect::<Vec<f64>>());
+    let spectra =
+        speeds.map(|speed| Spectrum::welch(&speed, rate_hz, (WINDOW_S * rate_hz) as usize));
     let bandwidth = spectra.reduce(Spectrum::with).map_or(0.0, |all| all.bandwidth_hz(POWER));
     let cutoff = ABOVE * bandwidth.max(1.0 / WINDOW_S);
     if let Ok(filter) = LowPass::butterworth(4, cutoff, rate_hz) {

@@ -1,20 +1,21 @@
 use super::{
-    About, Class, Constant, Effect, EffectParameter, Entry, Origin, SampleInput, Scale, Site, StepState, Stepped,
-    facts, written_once,
+    About, Class, Constant, Effect, EffectParameter, Entry, Origin, SampleInput, Scale, Site,
+    StepState, Stepped, facts, written_once,
 };
 
-/// Position error of a gear, e = A sin(n q + p), n periods per turn: the inertia behind it is shaken by e'', tau =
-/// d²/dt² (a cos(n q) + b sin(n q)).
+/// Position error of a gear, e = A sin(n q + p), n periods per turn: the inertia behind it is
+/// shaken by e'', tau = d²/dt² (a cos(n q) + b sin(n q)).
 ///
-/// Source: T. D. Tuttle, W. P. Seering, A nonlinear model of a harmonic drive gear transmission, IEEE Trans. Robotics
-/// and Automation 12(3) (1996).
+/// Source: T. D. Tuttle, W. P. Seering, A nonlinear model of a harmonic drive gear transmission,
+/// IEEE Trans. Robotics and Automation 12(3) (1996).
 #[derive(Clone, Copy, Debug)]
 pub(super) struct KinematicError;
 
 const PARAMETERS: [EffectParameter; 2] =
     [EffectParameter::signed("a", "kg·m²", "kg"), EffectParameter::signed("b", "kg·m²", "kg")];
 
-const CONSTANTS: [Constant; 1] = [Constant::new("n", ["1/rev", "rad/m"], [3.5, 400.0], Scale::Order, &[])];
+const CONSTANTS: [Constant; 1] =
+    [Constant::new("n", ["1/rev", "rad/m"], [3.5, 400.0], Scale::Order, &[])];
 
 impl Effect for KinematicError {
     facts! {
@@ -29,7 +30,8 @@ impl Effect for KinematicError {
         About {
             class: Class::Nonlinear,
             formula: "tau = d²/dt² (a cos(n q) + b sin(n q))",
-            source: "T. D. Tuttle, W. P. Seering, A nonlinear model of a harmonic drive gear transmission, IEEE Trans. Robotics and Automation 12(3) (1996).",
+            source: "T. D. Tuttle, W. P. Seering, A nonlinear model of a harmonic drive gear \
+                 transmission, IEEE Trans. Robotics and Automation 12(3) (1996).",
             signature: "periodic in the position, grows with the square of the speed",
             confusable: &["torque_ripple"],
             experiment: "two speeds: ripple keeps its size, a kinematic error grows",

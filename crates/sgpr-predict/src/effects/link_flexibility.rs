@@ -1,19 +1,20 @@
 use super::{
-    About, Class, Constant, Effect, EffectParameter, Entry, Needs, Origin, SampleInput, Site, StepState, Stepped,
-    facts, written_once,
+    About, Class, Constant, Effect, EffectParameter, Entry, Needs, Origin, SampleInput, Site,
+    StepState, Stepped, facts, written_once,
 };
 
-/// Bending of a link as one mode, driven by the joint's acceleration: eta'' + 2 zeta w eta' + w² eta = ddq, tau = m
-/// eta'', w = 2 pi f and zeta = 0.02.
+/// Bending of a link as one mode, driven by the joint's acceleration: eta'' + 2 zeta w eta' + w²
+/// eta = ddq, tau = m eta'', w = 2 pi f and zeta = 0.02.
 ///
-/// Source: W. J. Book, Recursive Lagrangian dynamics of flexible manipulator arms, Int. J. Robotics Research 3(3)
-/// (1984), reduced to one mode.
+/// Source: W. J. Book, Recursive Lagrangian dynamics of flexible manipulator arms, Int. J. Robotics
+/// Research 3(3) (1984), reduced to one mode.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct LinkFlexibility;
 
 const PARAMETERS: [EffectParameter; 1] = [EffectParameter::signed("m", "kg·m²", "kg")];
 
-const CONSTANTS: [Constant; 1] = [Constant::logarithmic("f", ["Hz", "Hz"], [2.0, 25.0], &[4.0, 7.0, 12.0, 18.0])];
+const CONSTANTS: [Constant; 1] =
+    [Constant::logarithmic("f", ["Hz", "Hz"], [2.0, 25.0], &[4.0, 7.0, 12.0, 18.0])];
 
 /// Damping ratio of the mode.
 const DAMPING: f64 = 0.02;
@@ -32,7 +33,8 @@ impl Effect for LinkFlexibility {
         About {
             class: Class::HiddenState,
             formula: "tau = m eta'', eta'' + 2 zeta w eta' + w² eta = ddq",
-            source: "W. J. Book, Recursive Lagrangian dynamics of flexible manipulator arms, Int. J. Robotics Research 3(3) (1984), reduced to one mode.",
+            source: "W. J. Book, Recursive Lagrangian dynamics of flexible manipulator arms, Int. \
+                 J. Robotics Research 3(3) (1984), reduced to one mode.",
             signature: "narrow-band ringing after a jerk, its frequency falls with payload",
             confusable: &["joint_elasticity"],
             experiment: "a chirp through the resonance, or a knock on the arm",

@@ -4,12 +4,15 @@ use super::Context;
 use super::columns::link_regressor;
 use super::columns::{link_columns, of_a_link};
 use super::{
-    About, Effect, EffectParameter, Entry, Origin, Reach, SampleInput, Site, StepState, Stepped, facts, written_once,
+    About, Effect, EffectParameter, Entry, Origin, Reach, SampleInput, Site, StepState, Stepped,
+    facts, written_once,
 };
 
-/// Wrong inertial parameters of a link in a fixed model. A refit of the base parameters absorbs them.
+/// Wrong inertial parameters of a link in a fixed model. A refit of the base parameters absorbs
+/// them.
 ///
-/// Source: W. Khalil, E. Dombre, Modeling, Identification and Control of Robots (2002), section 9.4.
+/// Source: W. Khalil, E. Dombre, Modeling, Identification and Control of Robots (2002), section
+/// 9.4.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct LinkInertiaError;
 
@@ -28,7 +31,8 @@ impl Effect for LinkInertiaError {
     fn about(&self) -> About<'_> {
         About {
             formula: "tau = Y_link(q, dq, ddq) (dm, dmx, ..., dIzz)",
-            source: "W. Khalil, E. Dombre, Modeling, Identification and Control of Robots (2002), section 9.4.",
+            source: "W. Khalil, E. Dombre, Modeling, Identification and Control of Robots (2002), \
+                 section 9.4.",
             signature: "shaped like gravity and inertia, on the joint and all before it",
             confusable: &["payload", "link_length_error"],
             experiment: "identify the parameters",
@@ -40,7 +44,13 @@ impl Effect for LinkInertiaError {
     }
 
     #[cfg(feature = "trajectories")]
-    fn trajectory_columns(&self, site: Site, context: &Context<'_>, _: &[f64], out: &mut [Vec<f64>]) {
+    fn trajectory_columns(
+        &self,
+        site: Site,
+        context: &Context<'_>,
+        _: &[f64],
+        out: &mut [Vec<f64>],
+    ) {
         let joint = site.joint().expect("at a joint");
         link_regressor(context, joint, |_| 1.0, out);
     }
@@ -48,6 +58,12 @@ impl Effect for LinkInertiaError {
     written_once!(advance: law);
 }
 
-fn law<S: Stepped>(site: Site, _: &[f64], input: &SampleInput<'_, S>, state: &mut StepState<'_, S>, columns: &mut [S]) {
+fn law<S: Stepped>(
+    site: Site,
+    _: &[f64],
+    input: &SampleInput<'_, S>,
+    state: &mut StepState<'_, S>,
+    columns: &mut [S],
+) {
     link_columns(input, site.joint().expect("at a joint"), S::constant(1.0), state, columns);
 }

@@ -4,11 +4,11 @@ use super::{About, Class, Constant, Effect, Entry, Origin, Reach, Site, facts};
 use crate::robot::Robot;
 use crate::spatial::Vector3;
 
-/// A joint that sits elsewhere on its parent link than the robot file says, by (dx, dy, dz) in the parent's axes. A
-/// refit absorbs nearly all of it.
+/// A joint that sits elsewhere on its parent link than the robot file says, by (dx, dy, dz) in the
+/// parent's axes. A refit absorbs nearly all of it.
 ///
-/// Source: W. Khalil, E. Dombre, Modeling, Identification and Control of Robots (2002), section 11, geometric
-/// calibration.
+/// Source: W. Khalil, E. Dombre, Modeling, Identification and Control of Robots (2002), section 11,
+/// geometric calibration.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct LinkLengthError;
 
@@ -34,7 +34,8 @@ impl Effect for LinkLengthError {
         About {
             class: Class::Transform,
             formula: "placement of joint j moved by (dx, dy, dz)",
-            source: "W. Khalil, E. Dombre, Modeling, Identification and Control of Robots (2002), section 11, geometric calibration.",
+            source: "W. Khalil, E. Dombre, Modeling, Identification and Control of Robots (2002), \
+                 section 11, geometric calibration.",
             signature: "like an inertial parameter that changes with the pose",
             confusable: &["link_inertia_error", "encoder_offset"],
             experiment: "a known payload, or better an external measurement of position",

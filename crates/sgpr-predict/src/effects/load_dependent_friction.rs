@@ -1,12 +1,13 @@
 use super::{
-    About, Effect, EffectParameter, Entry, Origin, SampleInput, Site, StepState, Stepped, facts, written_once,
+    About, Effect, EffectParameter, Entry, Origin, SampleInput, Site, StepState, Stepped, facts,
+    written_once,
 };
 
-/// Friction of a gear that grows with the torque it carries: tau = mu |tau_load| sgn(dq), tau_load the torque of the
-/// rigid body.
+/// Friction of a gear that grows with the torque it carries: tau = mu |tau_load| sgn(dq), tau_load
+/// the torque of the rigid body.
 ///
-/// Source: P. Hamon, M. Gautier, P. Garrec, A. Janot, Dynamic identification of robot with a load-dependent joint
-/// friction model, IEEE/ASME AIM (2010).
+/// Source: P. Hamon, M. Gautier, P. Garrec, A. Janot, Dynamic identification of robot with a
+/// load-dependent joint friction model, IEEE/ASME AIM (2010).
 #[derive(Clone, Copy, Debug)]
 pub(super) struct LoadDependentFriction;
 
@@ -24,7 +25,8 @@ impl Effect for LoadDependentFriction {
     fn about(&self) -> About<'_> {
         About {
             formula: "tau = mu |tau_rb| sgn(dq)",
-            source: "P. Hamon, M. Gautier, P. Garrec, A. Janot, Dynamic identification of robot with a load-dependent joint friction model, IEEE/ASME AIM (2010).",
+            source: "P. Hamon, M. Gautier, P. Garrec, A. Janot, Dynamic identification of robot \
+                 with a load-dependent joint friction model, IEEE/ASME AIM (2010).",
             signature: "odd in the speed, its size follows gravity and inertia torque",
             confusable: &["position_dependent_friction", "coulomb_friction"],
             experiment: "the same motion with a known payload",
@@ -38,7 +40,13 @@ impl Effect for LoadDependentFriction {
     written_once!(advance: law);
 }
 
-fn law<S: Stepped>(site: Site, _: &[f64], input: &SampleInput<'_, S>, _: &mut StepState<'_, S>, columns: &mut [S]) {
+fn law<S: Stepped>(
+    site: Site,
+    _: &[f64],
+    input: &SampleInput<'_, S>,
+    _: &mut StepState<'_, S>,
+    columns: &mut [S],
+) {
     let joint = site.joint().expect("at a joint");
     columns[0] = input.dq[joint].sgn() * input.rigid_torque[joint].abs();
 }

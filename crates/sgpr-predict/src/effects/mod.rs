@@ -1,18 +1,24 @@
-//! Physical effects beside the rigid body: what else the drive has to overcome, and what lies between drive and log.
+//! Physical effects beside the rigid body: what else the drive has to overcome, and what lies
+//! between drive and log.
 //!
-//! One effect is one file and one line in [`registry`]. An effect enters the torque in one of three ways ([`Entry`]):
+//! One effect is one file and one line in [`registry`]. An effect enters the torque in one of three
+//! ways ([`Entry`]):
 //!
-//! - as columns of the observation matrix that depend on the present joint motion alone (`State`), the simplest kind;
-//! - as columns that depend on the whole trajectory (`Trajectory`): on time, on the rigid-body torque, on a hidden state
-//!   such as the deflection of bristles, and on constants that enter nonlinearly;
-//! - as a change of robot, motion or torque (`Transform`): gravity that leans, an encoder that is off, a delay. It has
-//!   constants only; around its neutral constants the change of the predicted torque gives the columns to rank it by.
+//! - as columns of the observation matrix that depend on the present joint motion alone (`State`),
+//!   the simplest kind;
+//! - as columns that depend on the whole trajectory (`Trajectory`): on time, on the rigid-body
+//!   torque, on a hidden state such as the deflection of bristles, and on constants that enter
+//!   nonlinearly;
+//! - as a change of robot, motion or torque (`Transform`): gravity that leans, an encoder that is
+//!   off, a delay. It has constants only; around its neutral constants the change of the predicted
+//!   torque gives the columns to rank it by.
 //!
-//! Every effect can be advanced sample by sample ([`Effect::advance`]), for a control loop and a simulator: it carries a
-//! hidden state where its torque depends on the past. What uses samples that come later along a trajectory is told by
-//! [`Effect::streamed`].
+//! Every effect can be advanced sample by sample ([`Effect::advance`]), for a control loop and a
+//! simulator: it carries a hidden state where its torque depends on the past. What uses samples
+//! that come later along a trajectory is told by [`Effect::streamed`].
 //!
-//! Linear parameters are identified together with the inertial ones; constants by variable projection.
+//! Linear parameters are identified together with the inertial ones; constants by variable
+//! projection.
 
 mod about;
 mod actuator_lag;
@@ -88,7 +94,8 @@ use crate::names::suggestion;
 use crate::robot::{JointKind, Robot};
 use crate::simd::{Number, Single};
 
-/// The methods of [`Effect`] that are one value each, as a table: `name: "viscous_friction", entry: Entry::State`.
+/// The methods of [`Effect`] that are one value each, as a table:
+/// `name: "viscous_friction", entry: Entry::State`.
 macro_rules! facts {
     ($($fact:ident: $value:expr),+ $(,)?) => { $(facts!(@$fact $value);)+ };
     (@name $value:expr) => { facts!(@fn name, &str, $value); };
@@ -109,7 +116,8 @@ macro_rules! facts {
 
 use facts;
 
-/// The methods of [`Effect`] that advance it, over other numbers than `f64`: they do nothing of their own.
+/// The methods of [`Effect`] that advance it, over other numbers than `f64`: they do nothing of
+/// their own.
 macro_rules! methods_over {
     ($number:ident: $columns:ident, $start:ident, $advance:ident, $links:ident, $start_transmitted:ident,
      $transmitted:ident) => {
@@ -217,14 +225,17 @@ pub trait Effect: Send + Sync + Debug {
         (0..robot.dof()).map(Site::Joint).collect()
     }
 
-    /// Why these logs cannot show the effect, if they cannot. An effect that depends on time needs a clock that the logs
-    /// share.
+    /// Why these logs cannot show the effect, if they cannot. An effect that depends on time needs
+    /// a clock that the logs share.
     fn not_testable(&self, context: &Context<'_>) -> Option<String> {
-        (self.about().depends_on_time && context.time.is_empty())
-            .then(|| "the logs do not share a clock: their times overlap, or span more than four hours".into())
+        (self.about().depends_on_time && context.time.is_empty()).then(|| {
+            "the logs do not share a clock: their times overlap, or span more than four hours"
+                .into()
+        })
     }
 
-    /// Derivative of the joint's torque by each parameter, for an effect that enters by [`Entry::State`].
+    /// Derivative of the joint's torque by each parameter, for an effect that enters by
+    /// [`Entry::State`].
     ///
     /// - `out`: one number per parameter
     fn columns(&self, joint: usize, state: &JointState<'_>, out: &mut [f64]) {
@@ -232,7 +243,8 @@ pub trait Effect: Send + Sync + Debug {
         out.fill(0.0);
     }
 
-    /// The part that it plays in the dynamics of a joint, if code treats that part in a way of its own.
+    /// The part that it plays in the dynamics of a joint, if code treats that part in a way of its
+    /// own.
     fn role(&self) -> Option<Role> {
         None
     }
@@ -247,14 +259,16 @@ pub trait Effect: Send + Sync + Debug {
         Streamed::Exactly
     }
 
-    /// Whether [`Self::advance`] is its own: columns of a trajectory then follow from that by default. If not, and if it
-    /// does not enter by [`Entry::State`], a sample is asked for as a trajectory of one row, which takes memory; an effect
-    /// whose columns at a sample depend on other samples is then not streamed.
+    /// Whether [`Self::advance`] is its own: columns of a trajectory then follow from that by
+    /// default. If not, and if it does not enter by [`Entry::State`], a sample is asked for as a
+    /// trajectory of one row, which takes memory; an effect whose columns at a sample depend on
+    /// other samples is then not streamed.
     fn steps(&self) -> bool {
         self.entry() == Entry::State
     }
 
-    /// Length of the hidden state: per site, or per joint for what [`Self::advance_transmitted`] carries.
+    /// Length of the hidden state: per site, or per joint for what [`Self::advance_transmitted`]
+    /// carries.
     ///
     /// - `rate_hz`: lowest time between samples is half of one over it; NaN if it is not known
     fn state_len(&self, constants: &[f64], rate_hz: f64) -> usize {
@@ -262,16 +276,23 @@ pub trait Effect: Send + Sync + Debug {
         0
     }
 
-    /// Sets the hidden state to what it is after a long motion at constant speed through this sample; at rest, where the
-    /// speed is zero. A trajectory starts at rest at its first sample.
-    fn start(&self, site: Site, constants: &[f64], input: &SampleInput<'_>, state: &mut StepState<'_>) {
+    /// Sets the hidden state to what it is after a long motion at constant speed through this
+    /// sample; at rest, where the speed is zero. A trajectory starts at rest at its first sample.
+    fn start(
+        &self,
+        site: Site,
+        constants: &[f64],
+        input: &SampleInput<'_>,
+        state: &mut StepState<'_>,
+    ) {
         let _ = (site, constants, input);
         state.hidden.fill(0.0);
     }
 
     /// Derivative of the torque by each parameter at the next sample; moves the hidden state on.
     ///
-    /// - `columns`: one number per parameter for [`Reach::Own`], `[parameters, n]` for [`Reach::All`]
+    /// - `columns`: one number per parameter for [`Reach::Own`], `[parameters, n]` for
+    ///   [`Reach::All`]
     fn advance(
         &self,
         site: Site,
@@ -289,10 +310,18 @@ pub trait Effect: Send + Sync + Debug {
         }
     }
 
-    /// Derivative of the torque by each parameter along a trajectory: sample by sample, starting at rest, by default.
+    /// Derivative of the torque by each parameter along a trajectory: sample by sample, starting at
+    /// rest, by default.
     ///
-    /// - `out`: per parameter `[samples]` for [`Reach::Own`], `[samples, n]` for [`Reach::All`]; zero on entry
-    fn trajectory_columns(&self, site: Site, context: &Context<'_>, constants: &[f64], out: &mut [Vec<f64>]) {
+    /// - `out`: per parameter `[samples]` for [`Reach::Own`], `[samples, n]` for [`Reach::All`];
+    ///   zero on entry
+    fn trajectory_columns(
+        &self,
+        site: Site,
+        context: &Context<'_>,
+        constants: &[f64],
+        out: &mut [Vec<f64>],
+    ) {
         if self.steps() {
             stepping::columns_by_steps(self, site, context, constants, out);
         }
@@ -309,13 +338,21 @@ pub trait Effect: Send + Sync + Debug {
         false
     }
 
-    /// The links' motion as a transform makes it from the measured one; only the rigid body sees it.
+    /// The links' motion as a transform makes it from the measured one; only the rigid body sees
+    /// it.
     #[cfg(feature = "trajectories")]
-    fn link_motion(&self, site: Site, constants: &[f64], context: &Context<'_>, motion: &mut LinkMotion) {
+    fn link_motion(
+        &self,
+        site: Site,
+        constants: &[f64],
+        context: &Context<'_>,
+        motion: &mut LinkMotion,
+    ) {
         let _ = (site, constants, context, motion);
     }
 
-    /// The links' motion at the next sample as `link_motion` makes it along a trajectory; moves the hidden state on.
+    /// The links' motion at the next sample as `link_motion` makes it along a trajectory; moves the
+    /// hidden state on.
     fn advance_links(
         &self,
         site: Site,
@@ -327,21 +364,22 @@ pub trait Effect: Send + Sync + Debug {
         let _ = (site, constants, input, state, links);
     }
 
-    /// How far ahead of the sample the motion is taken, s: for torques that are logged before they act. A predictor
-    /// extrapolates the motion by that time.
+    /// How far ahead of the sample the motion is taken, s: for torques that are logged before they
+    /// act. A predictor extrapolates the motion by that time.
     fn lead(&self, constants: &[f64]) -> f64 {
         let _ = constants;
         0.0
     }
 
-    /// Sets the hidden state of [`Self::advance_transmitted`] to what it is after a long time at `torque`.
+    /// Sets the hidden state of [`Self::advance_transmitted`] to what it is after a long time at
+    /// `torque`.
     fn start_transmitted(&self, torque: f64, hidden: &mut [f64]) {
         let _ = torque;
         hidden.fill(0.0);
     }
 
-    /// The next torque of `joint` as [`Self::transmit`] makes it along a trajectory; moves the hidden state of that joint
-    /// on.
+    /// The next torque of `joint` as [`Self::transmit`] makes it along a trajectory; moves the
+    /// hidden state of that joint on.
     ///
     /// - `rate_hz`: one over the time since the sample before; NaN if it is not known
     fn advance_transmitted(
@@ -357,8 +395,8 @@ pub trait Effect: Send + Sync + Debug {
         torque
     }
 
-    /// Whether the methods that begin with `single` and `record` are those without it, over numbers of 32 bits and over
-    /// expressions: the effect runs in both, and can be exported as code.
+    /// Whether the methods that begin with `single` and `record` are those without it, over numbers
+    /// of 32 bits and over expressions: the effect runs in both, and can be exported as code.
     fn is_generic(&self) -> bool {
         false
     }
@@ -372,14 +410,23 @@ pub trait Effect: Send + Sync + Debug {
         Expr: record_columns, record_start, record, record_links, record_start_transmitted, record_transmitted
     );
 
-    /// What went wrong in the calls since this was last asked, if an effect can fail; its columns are zero then.
+    /// What went wrong in the calls since this was last asked, if an effect can fail; its columns
+    /// are zero then.
     fn failure(&self) -> Option<String> {
         None
     }
 
-    /// What lies between torque and log, if it is linear in the torque: applied to `[samples, width]`, row-major, torques
-    /// or columns of `joint`.
-    fn transmit(&self, site: Site, constants: &[f64], joint: usize, rate_hz: f64, values: &mut [f64], width: usize) {
+    /// What lies between torque and log, if it is linear in the torque: applied to
+    /// `[samples, width]`, row-major, torques or columns of `joint`.
+    fn transmit(
+        &self,
+        site: Site,
+        constants: &[f64],
+        joint: usize,
+        rate_hz: f64,
+        values: &mut [f64],
+        width: usize,
+    ) {
         let _ = (site, constants, joint, rate_hz, values, width);
     }
 
@@ -389,19 +436,21 @@ pub trait Effect: Send + Sync + Debug {
         None
     }
 
-    /// The effect of which this one is only a finer form: it is fitted beside it, and not a finding of its own.
+    /// The effect of which this one is only a finer form: it is fitted beside it, and not a finding
+    /// of its own.
     fn refines(&self) -> Option<&str> {
         None
     }
 
-    /// Whether linear parameters of these values are what the effect has by nature. A diagnosis proposes others only where
-    /// they matter much; a model that is told of the effect may have them.
+    /// Whether linear parameters of these values are what the effect has by nature. A diagnosis
+    /// proposes others only where they matter much; a model that is told of the effect may have
+    /// them.
     fn is_plausible(&self, _coefficients: &[f64]) -> bool {
         true
     }
 
-    /// Whether its linear parameters are the ten of a body that is taken up or put down: m, m c, and the inertia about the
-    /// origin, all of one sign.
+    /// Whether its linear parameters are the ten of a body that is taken up or put down: m, m c,
+    /// and the inertia about the origin, all of one sign.
     fn is_body(&self) -> bool {
         false
     }
@@ -416,8 +465,8 @@ pub trait Effect: Send + Sync + Debug {
         false
     }
 
-    /// Whether the grids of its constants say no more than their ranges: a search then looks between values at which the
-    /// columns have little in common.
+    /// Whether the grids of its constants say no more than their ranges: a search then looks
+    /// between values at which the columns have little in common.
     fn grids_span_ranges(&self) -> bool {
         false
     }
@@ -427,7 +476,8 @@ pub trait Effect: Send + Sync + Debug {
         false
     }
 
-    /// Whether the present torque depends on the past of the trajectory, so that one sample is not enough to predict it.
+    /// Whether the present torque depends on the past of the trajectory, so that one sample is not
+    /// enough to predict it.
     fn has_memory(&self) -> bool {
         false
     }
@@ -449,12 +499,20 @@ pub struct EffectParameter {
 
 impl EffectParameter {
     /// A parameter of either sign.
-    pub const fn signed(symbol: &'static str, unit: &'static str, sliding_unit: &'static str) -> Self {
+    pub const fn signed(
+        symbol: &'static str,
+        unit: &'static str,
+        sliding_unit: &'static str,
+    ) -> Self {
         Self { symbol, unit, sliding_unit, non_negative: false }
     }
 
     /// A parameter that physics keeps from being negative.
-    pub const fn positive(symbol: &'static str, unit: &'static str, sliding_unit: &'static str) -> Self {
+    pub const fn positive(
+        symbol: &'static str,
+        unit: &'static str,
+        sliding_unit: &'static str,
+    ) -> Self {
         Self { symbol, unit, sliding_unit, non_negative: true }
     }
 
@@ -519,7 +577,15 @@ impl Constant {
         grid: &'static [f64],
     ) -> Self {
         let [unit, sliding_unit] = units;
-        Self { symbol, unit, sliding_unit, low: bounds[0], high: bounds[1], scale: Scale::Logarithmic, grid }
+        Self {
+            symbol,
+            unit,
+            sliding_unit,
+            low: bounds[0],
+            high: bounds[1],
+            scale: Scale::Logarithmic,
+            grid,
+        }
     }
 
     /// A constant on a scale of its own.
@@ -535,7 +601,12 @@ impl Constant {
     }
 
     /// Constant of a transform: neutral at zero, `step` is small against what can be noticed.
-    pub const fn neutral_at_zero(symbol: &'static str, units: [&'static str; 2], bounds: [f64; 2], step: f64) -> Self {
+    pub const fn neutral_at_zero(
+        symbol: &'static str,
+        units: [&'static str; 2],
+        bounds: [f64; 2],
+        step: f64,
+    ) -> Self {
         let [unit, sliding_unit] = units;
         Self {
             symbol,
@@ -571,7 +642,8 @@ pub enum Scale {
     Time,
     /// A number of periods per revolution, found from a periodogram.
     Order,
-    /// Constant of a transform: nothing happens at zero; `step` is small against what can be noticed.
+    /// Constant of a transform: nothing happens at zero; `step` is small against what can be
+    /// noticed.
     Neutral {
         /// Step of the finite difference.
         step: f64,
@@ -717,7 +789,11 @@ impl UnknownEffect {
 const FEW: usize = 12;
 
 fn choice(known: &[String]) -> String {
-    if known.len() <= FEW { format!("known are {}", known.join(", ")) } else { "`sgpr effects` lists all".into() }
+    if known.len() <= FEW {
+        format!("known are {}", known.join(", "))
+    } else {
+        "`sgpr effects` lists all".into()
+    }
 }
 
 /// Sign of `x`, zero at zero (`f64::signum` is one there).

@@ -1,20 +1,22 @@
 use super::{
-    About, Class, Constant, Effect, EffectParameter, Entry, Origin, SampleInput, Scale, Site, StepState, Stepped,
-    facts, written_once,
+    About, Class, Constant, Effect, EffectParameter, Entry, Origin, SampleInput, Scale, Site,
+    StepState, Stepped, facts, written_once,
 };
 
-/// Viscous friction whose growth slows down with speed, as shear-thinning grease shows: tau = c sgn(dq) |dq|^a with a
-/// below one.
+/// Viscous friction whose growth slows down with speed, as shear-thinning grease shows: tau = c
+/// sgn(dq) |dq|^a with a below one.
 ///
-/// Source: A. Harnoy, B. Friedland, H. Rachoor, Modeling and simulation of elastic and friction forces in lubricated
-/// bearings, Wear 172 (1994); A. C. Bittencourt, S. Gunnarsson, Static friction in a robot joint, ASME J. Dyn. Syst.
-/// 134(5) (2012).
+/// Source: A. Harnoy, B. Friedland, H. Rachoor, Modeling and simulation of elastic and friction
+/// forces in lubricated bearings, Wear 172 (1994); A. C. Bittencourt, S. Gunnarsson, Static
+/// friction in a robot joint, ASME J. Dyn. Syst. 134(5) (2012).
 #[derive(Clone, Copy, Debug)]
 pub(super) struct NonlinearViscousFriction;
 
-const PARAMETERS: [EffectParameter; 1] = [EffectParameter::signed("cn", "N·m·(s/rad)^a", "N·(s/m)^a")];
+const PARAMETERS: [EffectParameter; 1] =
+    [EffectParameter::signed("cn", "N·m·(s/rad)^a", "N·(s/m)^a")];
 
-const CONSTANTS: [Constant; 1] = [Constant::new("a", ["1", "1"], [0.2, 0.85], Scale::Linear(0.1), &[0.35, 0.5, 0.7])];
+const CONSTANTS: [Constant; 1] =
+    [Constant::new("a", ["1", "1"], [0.2, 0.85], Scale::Linear(0.1), &[0.35, 0.5, 0.7])];
 
 impl Effect for NonlinearViscousFriction {
     facts! {
@@ -29,9 +31,15 @@ impl Effect for NonlinearViscousFriction {
         About {
             class: Class::Nonlinear,
             formula: "tau = c sgn(dq) |dq|^a, 0.2 < a < 0.85",
-            source: "A. Harnoy, B. Friedland, H. Rachoor, Modeling and simulation of elastic and friction forces in lubricated bearings, Wear 172 (1994); A. C. Bittencourt, S. Gunnarsson, Static friction in a robot joint, ASME J. Dyn. Syst. 134(5) (2012).",
+            source: "A. Harnoy, B. Friedland, H. Rachoor, Modeling and simulation of elastic and \
+                 friction forces in lubricated bearings, Wear 172 (1994); A. C. Bittencourt, S. \
+                 Gunnarsson, Static friction in a robot joint, ASME J. Dyn. Syst. 134(5) (2012).",
             signature: "odd in the speed, curved",
-            confusable: &["stribeck_friction", "quadratic_viscous_friction", "temperature_dependent_friction"],
+            confusable: &[
+                "stribeck_friction",
+                "quadratic_viscous_friction",
+                "temperature_dependent_friction",
+            ],
             experiment: "constant speeds on a logarithmic grid",
             excitation: "speeds that differ by a factor of ten",
             origin: Origin::Arm,

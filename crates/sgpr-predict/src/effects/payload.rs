@@ -6,15 +6,16 @@ use super::Context;
 use super::columns::link_regressor;
 use super::columns::{link_columns, of_a_link};
 use super::{
-    About, Effect, EffectParameter, Entry, Origin, Reach, SampleInput, Site, StepState, Stepped, facts, written_once,
+    About, Effect, EffectParameter, Entry, Origin, Reach, SampleInput, Site, StepState, Stepped,
+    facts, written_once,
 };
 
-/// A body fixed to the last link: ten inertial parameters. A refit of the base parameters absorbs it whole; against a
-/// fixed model it shows.
+/// A body fixed to the last link: ten inertial parameters. A refit of the base parameters absorbs
+/// it whole; against a fixed model it shows.
 ///
-/// Source: W. Khalil, E. Dombre, Modeling, Identification and Control of Robots (2002), section 9.5; M. Gautier, S.
-/// Briot, Global identification of joint drive gains and dynamic parameters of robots, ASME J. Dyn. Syst. 136(5)
-/// (2014).
+/// Source: W. Khalil, E. Dombre, Modeling, Identification and Control of Robots (2002), section
+/// 9.5; M. Gautier, S. Briot, Global identification of joint drive gains and dynamic parameters of
+/// robots, ASME J. Dyn. Syst. 136(5) (2014).
 #[derive(Clone, Copy, Debug)]
 pub(super) struct PayloadBody;
 
@@ -33,7 +34,9 @@ impl Effect for PayloadBody {
     fn about(&self) -> About<'_> {
         About {
             formula: "tau = Y_last(q, dq, ddq) (m, mx, ..., Izz)",
-            source: "W. Khalil, E. Dombre, Modeling, Identification and Control of Robots (2002), section 9.5; M. Gautier, S. Briot, Global identification of joint drive gains and dynamic parameters of robots, ASME J. Dyn. Syst. 136(5) (2014).",
+            source: "W. Khalil, E. Dombre, Modeling, Identification and Control of Robots (2002), \
+                 section 9.5; M. Gautier, S. Briot, Global identification of joint drive gains and \
+                 dynamic parameters of robots, ASME J. Dyn. Syst. 136(5) (2014).",
             signature: "shaped like gravity and inertia on all joints",
             confusable: &["link_inertia_error", "payload_change"],
             experiment: "a run without the load",
@@ -57,6 +60,12 @@ impl Effect for PayloadBody {
     written_once!(advance: law);
 }
 
-fn law<S: Stepped>(_: Site, _: &[f64], input: &SampleInput<'_, S>, state: &mut StepState<'_, S>, columns: &mut [S]) {
+fn law<S: Stepped>(
+    _: Site,
+    _: &[f64],
+    input: &SampleInput<'_, S>,
+    state: &mut StepState<'_, S>,
+    columns: &mut [S],
+) {
     link_columns(input, input.robot.dof() - 1, S::constant(1.0), state, columns);
 }

@@ -6,14 +6,15 @@ use super::Context;
 use super::columns::link_regressor;
 use super::columns::{after, link_columns, of_a_link};
 use super::{
-    About, Class, Constant, Effect, EffectParameter, Entry, Origin, Reach, SampleInput, Scale, Site, StepState,
-    Stepped, facts, written_once,
+    About, Class, Constant, Effect, EffectParameter, Entry, Origin, Reach, SampleInput, Scale,
+    Site, StepState, Stepped, facts, written_once,
 };
 
-/// A load that is taken up or put down at a time t0: ten inertial parameters of the last link for t > t0.
+/// A load that is taken up or put down at a time t0: ten inertial parameters of the last link for
+/// t > t0.
 ///
-/// Source: W. Khalil, E. Dombre, Modeling, Identification and Control of Robots (2002), section 9.5, with a change
-/// point.
+/// Source: W. Khalil, E. Dombre, Modeling, Identification and Control of Robots (2002), section
+/// 9.5, with a change point.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct PayloadChange;
 
@@ -37,14 +38,16 @@ impl Effect for PayloadChange {
         About {
             class: Class::ChangePoint,
             formula: "tau = Y_last(q, dq, ddq) (m, mx, ..., Izz) for t > t0",
-            source: "W. Khalil, E. Dombre, Modeling, Identification and Control of Robots (2002), section 9.5, with a change point.",
+            source: "W. Khalil, E. Dombre, Modeling, Identification and Control of Robots (2002), \
+                 section 9.5, with a change point.",
             signature: "shaped like gravity on all joints, from one moment on",
             confusable: &["torque_offset_drift", "external_contact", "friction_step"],
             experiment: "more poses after the change",
             excitation: "different poses before and after, on one clock",
             depends_on_time: true,
             origin: Origin::Temporary,
-            origin_reason: "the load was taken up or put down during the logs; what is carried now is for the user to say",
+            origin_reason: "the load was taken up or put down during the logs; what is carried now \
+                 is for the user to say",
             ..About::default()
         }
     }
@@ -54,9 +57,20 @@ impl Effect for PayloadChange {
     }
 
     #[cfg(feature = "trajectories")]
-    fn trajectory_columns(&self, _: Site, context: &Context<'_>, constants: &[f64], out: &mut [Vec<f64>]) {
+    fn trajectory_columns(
+        &self,
+        _: Site,
+        context: &Context<'_>,
+        constants: &[f64],
+        out: &mut [Vec<f64>],
+    ) {
         let last = context.dof() - 1;
-        link_regressor(context, last, |k| after(context.time[k], constants[0], context.rate_hz), out);
+        link_regressor(
+            context,
+            last,
+            |k| after(context.time[k], constants[0], context.rate_hz),
+            out,
+        );
     }
 
     written_once!(advance: law);

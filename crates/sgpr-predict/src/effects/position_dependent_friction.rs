@@ -1,10 +1,10 @@
 use super::{
-    About, Class, Constant, Effect, EffectParameter, Entry, Origin, SampleInput, Scale, Site, StepState, Stepped,
-    facts, written_once,
+    About, Class, Constant, Effect, EffectParameter, Entry, Origin, SampleInput, Scale, Site,
+    StepState, Stepped, facts, written_once,
 };
 
-/// Friction of an eccentric bearing or a tight spot: tau = sgn(dq) (b exp(-((q - qc) / w)² / 2) + a1 cos q + a2 sin
-/// q).
+/// Friction of an eccentric bearing or a tight spot: tau = sgn(dq) (b exp(-((q - qc) / w)² / 2) +
+/// a1 cos q + a2 sin q).
 ///
 /// Source: M. R. Popovic, A. A. Goldenberg, Modeling of friction
 /// using spectral analysis, IEEE Trans. Robotics and Automation 14(1) (1998).
@@ -18,7 +18,13 @@ const PARAMETERS: [EffectParameter; 3] = [
 ];
 
 const CONSTANTS: [Constant; 2] = [
-    Constant::new("qc", ["rad", "m"], [0.0, 1.0], Scale::Position, &[0.08, 0.2, 0.32, 0.44, 0.56, 0.68, 0.8, 0.92]),
+    Constant::new(
+        "qc",
+        ["rad", "m"],
+        [0.0, 1.0],
+        Scale::Position,
+        &[0.08, 0.2, 0.32, 0.44, 0.56, 0.68, 0.8, 0.92],
+    ),
     Constant::new("w", ["rad", "m"], [0.008, 0.5], Scale::PositionWidth, &[0.05, 0.12]),
 ];
 
@@ -35,7 +41,8 @@ impl Effect for PositionDependentFriction {
         About {
             class: Class::Nonlinear,
             formula: "tau = sgn(dq) (b exp(-((q - qc)/w)²/2) + a1 cos q + a2 sin q)",
-            source: "M. R. Popovic, A. A. Goldenberg, Modeling of friction using spectral analysis, IEEE Trans. Robotics and Automation 14(1) (1998).",
+            source: "M. R. Popovic, A. A. Goldenberg, Modeling of friction using spectral \
+                 analysis, IEEE Trans. Robotics and Automation 14(1) (1998).",
             signature: "odd in the speed, its size follows the position",
             confusable: &["load_dependent_friction", "torque_ripple"],
             experiment: "slow sweeps over the whole range in both directions, at two loads",

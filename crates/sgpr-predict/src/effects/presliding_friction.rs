@@ -1,9 +1,9 @@
 use super::stepping::{DAHL_STATE, over_position, start_over_position};
 use super::{About, Class, Constant, Effect, EffectParameter, Entry, Origin, facts, written_once};
 
-/// Dry friction with bristles that bend before they slide (Dahl): z follows sgn(dq) over the distance zs, dz =
-/// (sgn(dq) - z) |dq| / zs dt, tau = Fc z. Where the model has Coulomb friction too, this takes its place. Initial
-/// stiffness Fc / zs.
+/// Dry friction with bristles that bend before they slide (Dahl): z follows sgn(dq) over the
+/// distance zs, dz = (sgn(dq) - z) |dq| / zs dt, tau = Fc z. Where the model has Coulomb friction
+/// too, this takes its place. Initial stiffness Fc / zs.
 ///
 /// Source: P. Dahl, A solid friction model, Aerospace Corp. TOR-0158(3107-18)-1 (1968).
 #[derive(Clone, Copy, Debug)]
@@ -11,8 +11,12 @@ pub(super) struct PreslidingFriction;
 
 const PARAMETERS: [EffectParameter; 1] = [EffectParameter::positive("Fc", "N·m", "N")];
 
-const CONSTANTS: [Constant; 1] =
-    [Constant::logarithmic("zs", ["rad", "m"], [3e-4, 0.045], &[1e-3, 2.5e-3, 6e-3, 1.5e-2, 3.5e-2])];
+const CONSTANTS: [Constant; 1] = [Constant::logarithmic(
+    "zs",
+    ["rad", "m"],
+    [3e-4, 0.045],
+    &[1e-3, 2.5e-3, 6e-3, 1.5e-2, 3.5e-2],
+)];
 
 impl Effect for PreslidingFriction {
     facts! {
@@ -29,9 +33,11 @@ impl Effect for PreslidingFriction {
             class: Class::HiddenState,
             formula: "tau = Fc z, dz/dt = (sgn(dq) - z) |dq| / zs",
             source: "P. Dahl, A solid friction model, Aerospace Corp. TOR-0158(3107-18)-1 (1968).",
-            signature: "only over a short distance after each reversal, a loop over the position, the same at every speed",
+            signature: "only over a short distance after each reversal, a loop over the position, \
+                 the same at every speed",
             confusable: &["torque_delay", "stribeck_friction", "cable_hysteresis"],
-            experiment: "small reversals of one to ten times the distance over which it builds up (zs), at two speeds",
+            experiment: "small reversals of one to ten times the distance over which it builds up \
+                 (zs), at two speeds",
             excitation: "many reversals",
             origin: Origin::Arm,
             origin_reason: "the drive overcomes it after every reversal",

@@ -2,13 +2,14 @@ use super::{About, Effect, EffectParameter, JointState, Origin, Stepped, facts, 
 
 /// Drag that grows with the square of the speed: churning of oil, flow through an orifice.
 ///
-/// Source: H. E. Merritt, Hydraulic Control Systems (1967), for the orifice; B. Armstrong-Hélouvry, P. Dupont, C.
-/// Canudas de Wit, A survey of models, analysis tools and compensation methods for the control of machines with
-/// friction, Automatica 30(7) (1994).
+/// Source: H. E. Merritt, Hydraulic Control Systems (1967), for the orifice; B. Armstrong-Hélouvry,
+/// P. Dupont, C. Canudas de Wit, A survey of models, analysis tools and compensation methods for
+/// the control of machines with friction, Automatica 30(7) (1994).
 #[derive(Clone, Copy, Debug)]
 pub(super) struct QuadraticViscousFriction;
 
-const PARAMETERS: [EffectParameter; 1] = [EffectParameter::positive("c2", "N·m·s²/rad²", "N·s²/m²")];
+const PARAMETERS: [EffectParameter; 1] =
+    [EffectParameter::positive("c2", "N·m·s²/rad²", "N·s²/m²")];
 
 impl Effect for QuadraticViscousFriction {
     facts! {
@@ -20,7 +21,10 @@ impl Effect for QuadraticViscousFriction {
     fn about(&self) -> About<'_> {
         About {
             formula: "tau = c dq |dq|",
-            source: "H. E. Merritt, Hydraulic Control Systems (1967), for the orifice; B. Armstrong-Hélouvry, P. Dupont, C. Canudas de Wit, A survey of models, analysis tools and compensation methods for the control of machines with friction, Automatica 30(7) (1994).",
+            source: "H. E. Merritt, Hydraulic Control Systems (1967), for the orifice; B. \
+                 Armstrong-Hélouvry, P. Dupont, C. Canudas de Wit, A survey of models, analysis \
+                 tools and compensation methods for the control of machines with friction, \
+                 Automatica 30(7) (1994).",
             signature: "odd in the speed, quadratic",
             confusable: &["stribeck_friction", "nonlinear_viscous_friction"],
             experiment: "constant speeds that differ by a factor of five and include the highest",

@@ -1,9 +1,12 @@
-use super::{About, Effect, EffectParameter, JointState, Origin, Role, Stepped, facts, written_once};
+use super::{
+    About, Effect, EffectParameter, JointState, Origin, Role, Stepped, facts, written_once,
+};
 
-/// Inertia of the motor's rotor, felt at the joint: tau = Ia ddq, Ia = gear ratio² times motor inertia. The
-/// gyroscopic terms of the rotor, smaller by the gear ratio, are left out.
+/// Inertia of the motor's rotor, felt at the joint: tau = Ia ddq, Ia = gear ratio² times motor
+/// inertia. The gyroscopic terms of the rotor, smaller by the gear ratio, are left out.
 ///
-/// Source: W. Khalil, E. Dombre, Modeling, Identification and Control of Robots (2002), section 9.4.4.
+/// Source: W. Khalil, E. Dombre, Modeling, Identification and Control of Robots (2002), section
+/// 9.4.4.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct RotorInertia;
 
@@ -20,7 +23,8 @@ impl Effect for RotorInertia {
     fn about(&self) -> About<'_> {
         About {
             formula: "tau = Ia ddq",
-            source: "W. Khalil, E. Dombre, Modeling, Identification and Control of Robots (2002), section 9.4.4.",
+            source: "W. Khalil, E. Dombre, Modeling, Identification and Control of Robots (2002), \
+                 section 9.4.4.",
             signature: "odd in the acceleration, on its own joint only",
             confusable: &["transmission_hysteresis", "cable_stiffness"],
             experiment: "the same path at a sixth of the speed",

@@ -1,5 +1,5 @@
-//! Effects that advance sample by sample: what a control loop and a simulator need, and what the columns of a whole
-//! trajectory follow from.
+//! Effects that advance sample by sample: what a control loop and a simulator need, and what the
+//! columns of a whole trajectory follow from.
 
 use alloc::string::String;
 use alloc::vec::Vec;
@@ -14,7 +14,8 @@ use crate::robot::Robot;
 use crate::simd::{Number, Single};
 use crate::spatial::Pose;
 
-/// One sample of a motion and what a model says of it: everything that a stepped effect may depend on.
+/// One sample of a motion and what a model says of it: everything that a stepped effect may depend
+/// on.
 ///
 /// Arrays are `[n]`, SI.
 #[derive(Clone, Copy, Debug)]
@@ -58,7 +59,17 @@ impl<'a, S: Stepped> SampleInput<'a, S> {
     /// A sample of which nothing but the motion is known: no torques, no temperatures.
     pub fn new(robot: &'a Robot, rate_hz: f64, time: S::Time, motion: JointState<'a, S>) -> Self {
         let JointState { q, dq, ddq } = motion;
-        Self { robot, rate_hz, time, q, dq, ddq, rigid_torque: &[], torque: &[], temperature_celsius: &[] }
+        Self {
+            robot,
+            rate_hz,
+            time,
+            q,
+            dq,
+            ddq,
+            rigid_torque: &[],
+            torque: &[],
+            temperature_celsius: &[],
+        }
     }
 }
 
@@ -72,7 +83,8 @@ pub struct StepState<'a, S: Stepped = f64> {
     pub workspace: &'a mut S::Workspace,
 }
 
-/// Motion of the links at one sample, `[n]`, where a transform makes it differ from the measured one.
+/// Motion of the links at one sample, `[n]`, where a transform makes it differ from the measured
+/// one.
 #[derive(Debug)]
 pub struct LinkSample<'a, S = f64> {
     /// Positions, rad (m).
@@ -108,7 +120,8 @@ impl Needs {
 
 /// A number that effects are advanced over: of a sample, or an expression from which code is made.
 pub trait Stepped: Number {
-    /// A time of the session. It has 64 bits where the number has 32: after an hour those would tell no milliseconds apart.
+    /// A time of the session. It has 64 bits where the number has 32: after an hour those would
+    /// tell no milliseconds apart.
     type Time: Number;
 
     /// The time since `origin`, s.
@@ -124,13 +137,22 @@ pub trait Stepped: Number {
     fn rnea(robot: &Robot, workspace: &mut Self::Workspace, motion: [&[Self]; 3], tau: &mut [Self]);
 
     /// As [`crate::dynamics::regressor`].
-    fn regressor<'ws>(robot: &Robot, workspace: &'ws mut Self::Workspace, motion: [&[Self]; 3]) -> &'ws [Self];
+    fn regressor<'ws>(
+        robot: &Robot,
+        workspace: &'ws mut Self::Workspace,
+        motion: [&[Self]; 3],
+    ) -> &'ws [Self];
 
     /// As [`crate::dynamics::forward_kinematics`].
-    fn forward_kinematics<'ws>(robot: &Robot, workspace: &'ws mut Self::Workspace, q: &[Self]) -> &'ws [Pose<Self>];
+    fn forward_kinematics<'ws>(
+        robot: &Robot,
+        workspace: &'ws mut Self::Workspace,
+        q: &[Self],
+    ) -> &'ws [Pose<Self>];
 
-    /// A value some time ago: `delay` seconds before `value`, which comes `step` seconds after the last one; moves the
-    /// hidden state on. Before the start it was what [`Self::start_delay`] says.
+    /// A value some time ago: `delay` seconds before `value`, which comes `step` seconds after the
+    /// last one; moves the hidden state on. Before the start it was what [`Self::start_delay`]
+    /// says.
     fn delayed(hidden: &mut [Self], value: Self, delay: f64, step: f64) -> Self;
 
     /// Sets the hidden state of [`Self::delayed`] to what it is after a long time at `value`.
@@ -140,7 +162,12 @@ pub trait Stepped: Number {
     fn columns(effect: &dyn Effect, joint: usize, state: &JointState<'_, Self>, out: &mut [Self]);
 
     /// [`Effect::start`].
-    fn start(effect: &dyn Effect, at: (Site, &[f64]), input: &SampleInput<'_, Self>, state: &mut StepState<'_, Self>);
+    fn start(
+        effect: &dyn Effect,
+        at: (Site, &[f64]),
+        input: &SampleInput<'_, Self>,
+        state: &mut StepState<'_, Self>,
+    );
 
     /// [`Effect::advance`].
     fn advance(
@@ -177,7 +204,12 @@ pub trait Stepped: Number {
 /// The methods of [`Stepped`] that are those of an effect, by their names there.
 macro_rules! methods_of_effects {
     ($columns:ident, $start:ident, $advance:ident, $links:ident, $start_transmitted:ident, $transmitted:ident) => {
-        fn columns(effect: &dyn Effect, joint: usize, state: &JointState<'_, Self>, out: &mut [Self]) {
+        fn columns(
+            effect: &dyn Effect,
+            joint: usize,
+            state: &JointState<'_, Self>,
+            out: &mut [Self],
+        ) {
             effect.$columns(joint, state, out);
         }
 
@@ -231,7 +263,14 @@ impl Stepped for f64 {
     type Time = Self;
     type Workspace = Workspace;
 
-    methods_of_effects!(columns, start, advance, advance_links, start_transmitted, advance_transmitted);
+    methods_of_effects!(
+        columns,
+        start,
+        advance,
+        advance_links,
+        start_transmitted,
+        advance_transmitted
+    );
 
     #[inline]
     fn since(time: Self, origin: f64) -> Self {
@@ -246,11 +285,19 @@ impl Stepped for f64 {
         tau.copy_from_slice(rnea(robot, workspace, q, dq, ddq));
     }
 
-    fn regressor<'ws>(robot: &Robot, workspace: &'ws mut Workspace, [q, dq, ddq]: [&[f64]; 3]) -> &'ws [f64] {
+    fn regressor<'ws>(
+        robot: &Robot,
+        workspace: &'ws mut Workspace,
+        [q, dq, ddq]: [&[f64]; 3],
+    ) -> &'ws [f64] {
         regressor(robot, workspace, q, dq, ddq)
     }
 
-    fn forward_kinematics<'ws>(robot: &Robot, workspace: &'ws mut Workspace, q: &[f64]) -> &'ws [Pose] {
+    fn forward_kinematics<'ws>(
+        robot: &Robot,
+        workspace: &'ws mut Workspace,
+        q: &[f64],
+    ) -> &'ws [Pose] {
         forward_kinematics(robot, workspace, q)
     }
 
@@ -272,15 +319,28 @@ macro_rules! dynamics_of_numbers {
             NumberWorkspace::new(robot)
         }
 
-        fn rnea(_: &Robot, workspace: &mut Self::Workspace, motion: [&[Self]; 3], tau: &mut [Self]) {
+        fn rnea(
+            _: &Robot,
+            workspace: &mut Self::Workspace,
+            motion: [&[Self]; 3],
+            tau: &mut [Self],
+        ) {
             workspace.rnea(motion, tau);
         }
 
-        fn regressor<'ws>(_: &Robot, workspace: &'ws mut Self::Workspace, motion: [&[Self]; 3]) -> &'ws [Self] {
+        fn regressor<'ws>(
+            _: &Robot,
+            workspace: &'ws mut Self::Workspace,
+            motion: [&[Self]; 3],
+        ) -> &'ws [Self] {
             workspace.regressor(motion)
         }
 
-        fn forward_kinematics<'ws>(_: &Robot, workspace: &'ws mut Self::Workspace, q: &[Self]) -> &'ws [Pose<Self>] {
+        fn forward_kinematics<'ws>(
+            _: &Robot,
+            workspace: &'ws mut Self::Workspace,
+            q: &[Self],
+        ) -> &'ws [Pose<Self>] {
             workspace.forward_kinematics(q)
         }
     };
@@ -333,7 +393,8 @@ impl Stepped for Expr {
         time - origin
     }
 
-    /// Steps of one length need no ring: the values move up by one place, and the weights are constants.
+    /// Steps of one length need no ring: the values move up by one place, and the weights are
+    /// constants.
     fn delayed(hidden: &mut [Self], value: Self, delay: f64, step: f64) -> Self {
         let (first, weights) = delay_weights(delay / step);
         hidden[..=first].rotate_right(1);
@@ -346,7 +407,8 @@ impl Stepped for Expr {
     }
 }
 
-/// An effect's method, and the same over the other numbers, by one function that is written over [`Stepped`] numbers.
+/// An effect's method, and the same over the other numbers, by one function that is written over
+/// [`Stepped`] numbers.
 macro_rules! written_once {
     (columns: $law:ident) => {
         fn is_generic(&self) -> bool {
@@ -465,12 +527,14 @@ macro_rules! written_once {
 }
 pub(super) use written_once;
 
-/// How an effect that is advanced sample by sample compares with its columns along a whole trajectory.
+/// How an effect that is advanced sample by sample compares with its columns along a whole
+/// trajectory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Streamed<'a> {
     /// Causal: the same but for rounding.
     Exactly,
-    /// The columns of a trajectory use samples that come later, or all of them; what is done instead.
+    /// The columns of a trajectory use samples that come later, or all of them; what is done
+    /// instead.
     Nearly(&'a str),
     /// Not at all, and why.
     Not(&'a str),
@@ -488,7 +552,8 @@ pub(super) fn columns_by_steps<E: Effect + ?Sized>(
     let width = if effect.reach() == Reach::All { n } else { 1 };
     let mut columns = vec![0.0; out.len() * width];
     let mut hidden = vec![0.0; effect.state_len(constants, context.rate_hz)];
-    let mut state = StepState { hidden: &mut hidden, workspace: &mut Workspace::new(context.robot) };
+    let mut state =
+        StepState { hidden: &mut hidden, workspace: &mut Workspace::new(context.robot) };
     let of_joint = |joint: usize| context.temperature_celsius(joint);
     let channels: Vec<Option<&[f64]>> =
         if effect.needs().temperature { (0..n).map(of_joint).collect() } else { vec![None; n] };
@@ -511,7 +576,12 @@ pub(super) fn columns_by_steps<E: Effect + ?Sized>(
             temperature_celsius: &temperature,
         };
         if k == 0 {
-            effect.start(site, constants, &SampleInput { dq: &at_rest, ddq: &at_rest, ..input }, &mut state);
+            effect.start(
+                site,
+                constants,
+                &SampleInput { dq: &at_rest, ddq: &at_rest, ..input },
+                &mut state,
+            );
         }
         effect.advance(site, constants, &input, &mut state, &mut columns);
         for (out, columns) in out.iter_mut().zip(columns.chunks_exact(width)) {
@@ -520,7 +590,8 @@ pub(super) fn columns_by_steps<E: Effect + ?Sized>(
     }
 }
 
-/// One sample of an effect that only knows columns of trajectories: as a trajectory of one row. Takes memory.
+/// One sample of an effect that only knows columns of trajectories: as a trajectory of one row.
+/// Takes memory.
 pub(super) fn advance_one_row<E: Effect + ?Sized>(
     effect: &E,
     site: Site,
@@ -543,17 +614,28 @@ pub(super) fn advance_one_row<E: Effect + ?Sized>(
         channels: &[],
     };
     effect.trajectory_columns(site, &context, constants, &mut out);
-    columns.chunks_exact_mut(width).zip(&out).for_each(|(columns, out)| columns.copy_from_slice(out));
+    columns
+        .chunks_exact_mut(width)
+        .zip(&out)
+        .for_each(|(columns, out)| columns.copy_from_slice(out));
 }
 
-/// Whether the columns of an effect at a sample are those of a trajectory of that sample alone, on some motion.
+/// Whether the columns of an effect at a sample are those of a trajectory of that sample alone, on
+/// some motion.
 ///
 /// # Errors
 /// What the effect says of a failure.
-pub(crate) fn knows_one_row(effect: &dyn Effect, site: Site, constants: &[f64], robot: &Robot) -> Result<bool, String> {
+pub(crate) fn knows_one_row(
+    effect: &dyn Effect,
+    site: Site,
+    constants: &[f64],
+    robot: &Robot,
+) -> Result<bool, String> {
     const SAMPLES: usize = 12;
     let n = robot.dof();
-    let numbers = |scale: f64| (0..SAMPLES * n).map(|k| scale * (1.7 * k as f64 + scale).sin()).collect::<Vec<_>>();
+    let numbers = |scale: f64| {
+        (0..SAMPLES * n).map(|k| scale * (1.7 * k as f64 + scale).sin()).collect::<Vec<_>>()
+    };
     let [q, dq, ddq, torque] = [0.9, 1.3, 4.0, 7.0].map(numbers);
     let time: Vec<f64> = (0..SAMPLES).map(|k| 0.01 * k as f64).collect();
     let width = if effect.reach() == Reach::All { n } else { 1 };
@@ -590,8 +672,8 @@ pub(crate) fn knows_one_row(effect: &dyn Effect, site: Site, constants: &[f64], 
 /// Numbers that a Dahl element carries.
 pub(super) const DAHL_STATE: usize = 2;
 
-/// A Dahl element: z follows the direction of what it runs over within a distance, stepped exactly for pieces of one
-/// direction.
+/// A Dahl element: z follows the direction of what it runs over within a distance, stepped exactly
+/// for pieces of one direction.
 ///
 /// State: z and the last value.
 ///
@@ -682,17 +764,20 @@ pub(super) const SMOOTH_DERIVATIVES_STATE: usize = SMOOTH_HEAD + 3 * LAG_STATE;
 /// Those beside the lags.
 const SMOOTH_HEAD: usize = 3;
 
-/// First and second derivative of a value behind three lags of one time constant T in a row, advanced by the delay of
-/// the lags: with x3 behind all three, x = (1 + T s)³ x3, so that dx/dt is s (1 + 3 T s + 3 T² s²) x3 but for T³ s⁴, and
-/// d²x/dt² is s² (1 + 3 T s) x3 but for 3 T² s⁴. Differences of the values behind the lags are these derivatives:
-/// T s x3 = x2 - x3.
+/// First and second derivative of a value behind three lags of one time constant T in a row,
+/// advanced by the delay of the lags: with x3 behind all three, x = (1 + T s)³ x3, so that dx/dt is
+/// s (1 + 3 T s + 3 T² s²) x3 but for T³ s⁴, and d²x/dt² is s² (1 + 3 T s) x3 but for 3 T² s⁴.
+/// Differences of the values behind the lags are these derivatives: T s x3 = x2 - x3.
 ///
-/// The cut-off of the lags is [`ABOVE`] times the bandwidth of the motion so far: that of a normal spectrum with the same
-/// second moment, of whose power 99.5 % lie below 2.81 times the root mean square frequency.
+/// The cut-off of the lags is [`ABOVE`] times the bandwidth of the motion so far: that of a normal
+/// spectrum with the same second moment, of whose power 99.5 % lie below 2.81 times the root mean
+/// square frequency.
 ///
-/// State: number of samples, means of squared speeds and accelerations, and the three lags. It begins at rest.
+/// State: number of samples, means of squared speeds and accelerations, and the three lags. It
+/// begins at rest.
 ///
-/// Source: S. O. Rice, Mathematical analysis of random noise, Bell Syst. Tech. J. 23 (1944), for that frequency.
+/// Source: S. O. Rice, Mathematical analysis of random noise, Bell Syst. Tech. J. 23 (1944), for
+/// that frequency.
 pub(super) struct SmoothDerivatives<'a, S>(pub &'a mut [S]);
 
 impl<S: Stepped> SmoothDerivatives<'_, S> {
@@ -700,7 +785,8 @@ impl<S: Stepped> SmoothDerivatives<'_, S> {
     pub fn advance(self, x: S, input: &SampleInput<'_, S>) -> [S; 2] {
         const BAND: f64 = 2.81;
         const TAU: f64 = core::f64::consts::TAU;
-        let sum_of_squares = |values: &[S]| values.iter().fold(S::zero(()), |sum, x| sum + x.squared());
+        let sum_of_squares =
+            |values: &[S]| values.iter().fold(S::zero(()), |sum, x| sum + x.squared());
         let (head, lags) = self.0.split_at_mut(SMOOTH_HEAD);
         lags.iter_mut().for_each(|lag| *lag = head[0].where_positive(*lag, x));
         let [count, speed, acceleration] = head else { unreachable!("three numbers") };
@@ -708,7 +794,8 @@ impl<S: Stepped> SmoothDerivatives<'_, S> {
         *count = *count + 1.0;
         *speed += (sum_of_squares(input.dq) - *speed) / *count;
         *acceleration += (sum_of_squares(input.ddq) - *acceleration) / *count;
-        let moment = speed.where_positive((*acceleration / *speed).sqrt(), S::constant(f64::INFINITY));
+        let moment =
+            speed.where_positive((*acceleration / *speed).sqrt(), S::constant(f64::INFINITY));
         let [low, high] = [1.0 / WINDOW_S, 0.5 * input.rate_hz].map(S::constant);
         let bandwidth = (moment * BAND / TAU).clamp(low, high);
         let time = (bandwidth * (TAU * ABOVE)).recip();
@@ -728,17 +815,20 @@ const NODES: usize = 4;
 /// Numbers of a [`Delay`] beside its values and the times between them.
 const DELAY_HEAD: usize = 3;
 
-/// A value some time ago, by cubic interpolation between the samples around that time, or the four newest where the time
-/// is younger than the last but one. Before the start the value was what it was there.
+/// A value some time ago, by cubic interpolation between the samples around that time, or the four
+/// newest where the time is younger than the last but one. Before the start the value was what it
+/// was there.
 ///
-/// State: place of the newest value, the time between samples, for how many values that did not change; then the values
-/// and the time before each in a ring.
+/// State: place of the newest value, the time between samples, for how many values that did not
+/// change; then the values and the time before each in a ring.
 pub(super) struct Delay<'a, S = f64>(pub &'a mut [S]);
 
 impl Delay<'_> {
-    /// Numbers for a delay at a rate, if the time between samples is never less than half of what the rate says.
+    /// Numbers for a delay at a rate, if the time between samples is never less than half of what
+    /// the rate says.
     pub fn len(delay: f64, rate_hz: f64) -> usize {
-        let samples = if rate_hz.is_finite() { (delay.max(0.0) * rate_hz).ceil() as usize } else { 0 };
+        let samples =
+            if rate_hz.is_finite() { (delay.max(0.0) * rate_hz).ceil() as usize } else { 0 };
         DELAY_HEAD + 2 * (2 * samples + NODES + 1)
     }
 }
@@ -765,7 +855,11 @@ impl<S: Number + Into<f64>> Delay<'_, S> {
             (*last_step, *even) = (this_step, S::constant(capacity as f64));
         }
         let changed = !(*last_step - this_step).is_surely_zero();
-        *even = if changed { S::constant(1.0) } else { (*even + 1.0).clamp(S::zero(()), S::constant(capacity as f64)) };
+        *even = if changed {
+            S::constant(1.0)
+        } else {
+            (*even + 1.0).clamp(S::zero(()), S::constant(capacity as f64))
+        };
         *place = S::constant(newest as f64);
         *last_step = this_step;
         values[newest] = value;
@@ -773,7 +867,8 @@ impl<S: Number + Into<f64>> Delay<'_, S> {
         let at = |back: usize| (newest + capacity - back.min(capacity - 1)) % capacity;
         if (*even).into() >= capacity as f64 {
             let (first, weights) = delay_weights(delay / step);
-            return (0..NODES).fold(S::zero(()), |sum, node| sum + values[at(first - node)] * weights[node]);
+            return (0..NODES)
+                .fold(S::zero(()), |sum, node| sum + values[at(first - node)] * weights[node]);
         }
         let (mut older, mut age) = (1, steps[newest].into());
         while older + 1 < capacity && age < delay {
@@ -786,7 +881,8 @@ impl<S: Number + Into<f64>> Delay<'_, S> {
     }
 }
 
-/// How far back the oldest of the values lies that a delay is interpolated between, and their weights, oldest first.
+/// How far back the oldest of the values lies that a delay is interpolated between, and their
+/// weights, oldest first.
 ///
 /// - `behind`: the delay, in times between samples
 fn delay_weights(behind: f64) -> (usize, [f64; NODES]) {

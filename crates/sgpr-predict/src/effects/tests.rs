@@ -55,20 +55,32 @@ fn every_effect_keeps_the_contract() {
         assert!(name.chars().all(|c| c.is_ascii_lowercase() || c == '_'), "{name}");
         assert!(effect.summary().ends_with('.'), "{name}: a sentence ends with a stop");
         assert_eq!(by_name(name).expect("registered").name(), name);
-        assert!(!about.source.is_empty() && !about.signature.is_empty() && !about.experiment.is_empty(), "{name}");
-        assert!(about.source.chars().any(|c| c.is_ascii_digit()) || effect.entry() == Entry::Gate, "{name}: a year");
+        assert!(
+            !about.source.is_empty() && !about.signature.is_empty() && !about.experiment.is_empty(),
+            "{name}"
+        );
+        assert!(
+            about.source.chars().any(|c| c.is_ascii_digit()) || effect.entry() == Entry::Gate,
+            "{name}: a year"
+        );
         for other in about.confusable.iter().chain(about.alias_of.as_ref()) {
             assert!(by_name(other).is_ok() && *other != name, "{name}: {other}");
         }
         if effect.entry() == Entry::Gate {
             continue;
         }
-        assert!(effect.entry() == Entry::Transform || effect.steps(), "{name} takes no memory when it is streamed");
+        assert!(
+            effect.entry() == Entry::Transform || effect.steps(),
+            "{name} takes no memory when it is streamed"
+        );
         assert!(!about.formula.is_empty() && !about.excitation.is_empty(), "{name}");
         assert!(!effect.parameters().is_empty() || !effect.constants().is_empty(), "{name}");
         for constant in effect.constants() {
             assert!(constant.low < constant.high, "{name}");
-            assert!(constant.grid.iter().all(|x| (constant.low..=constant.high).contains(x)), "{name}");
+            assert!(
+                constant.grid.iter().all(|x| (constant.low..=constant.high).contains(x)),
+                "{name}"
+            );
         }
         for site in effect.sites(&robot) {
             with_context(&robot, |context| act(effect.as_ref(), site, context));
@@ -82,7 +94,11 @@ fn act(effect: &dyn Effect, site: Site, context: &Context<'_>) {
     let (samples, n) = (context.len(), context.dof());
     if effect.entry() == Entry::Transform {
         let robot = effect.robot(site, &constants, context.robot.clone());
-        let mut motion = LinkMotion { q: context.q.to_vec(), dq: context.dq.to_vec(), ddq: context.ddq.to_vec() };
+        let mut motion = LinkMotion {
+            q: context.q.to_vec(),
+            dq: context.dq.to_vec(),
+            ddq: context.ddq.to_vec(),
+        };
         let measured = motion.clone();
         effect.link_motion(site, &constants, context, &mut motion);
         let mut torque = context.torque.to_vec();
@@ -95,7 +111,10 @@ fn act(effect: &dyn Effect, site: Site, context: &Context<'_>) {
         let moved = motion != measured;
         assert_eq!(moved, effect.moves_links(), "{name}");
         assert!(motion.ddq.iter().chain(&torque).all(|x| x.is_finite()), "{name}");
-        assert!(robot != *context.robot || moved || torque != context.torque || limited, "{name} does nothing");
+        assert!(
+            robot != *context.robot || moved || torque != context.torque || limited,
+            "{name} does nothing"
+        );
         return;
     }
     let length = if effect.reach() == Reach::All { samples * n } else { samples };
@@ -106,17 +125,30 @@ fn act(effect: &dyn Effect, site: Site, context: &Context<'_>) {
     let largest = out.iter().flatten().fold(0.0f64, |largest, x| largest.max(x.abs()));
     for (column, stepped) in out.iter().zip(&stepped) {
         let close = |(a, b): (&f64, &f64)| (a - b).abs() <= 1e-12 * largest;
-        assert!(column.iter().zip(stepped).all(close), "{name}: steps are not the columns of the trajectory");
+        assert!(
+            column.iter().zip(stepped).all(close),
+            "{name}: steps are not the columns of the trajectory"
+        );
     }
-    assert!(out.iter().all(|column| column.len() == length && column.iter().all(|x| x.is_finite())), "{name}");
-    assert!(out.iter().any(|column| column.iter().any(|x| *x != 0.0)), "{name} {site:?} does nothing");
+    assert!(
+        out.iter().all(|column| column.len() == length && column.iter().all(|x| x.is_finite())),
+        "{name}"
+    );
+    assert!(
+        out.iter().any(|column| column.iter().any(|x| *x != 0.0)),
+        "{name} {site:?} does nothing"
+    );
     if effect.entry() == Entry::State {
         let mut at_rest = vec![f64::NAN; effect.parameters().len()];
         let zeros = vec![0.0; n];
         let state = JointState { q: &zeros, dq: &zeros, ddq: &zeros };
         effect.columns(1, &state, &mut at_rest);
         let constant = ["torque_offset", "cable_stiffness"].contains(&name);
-        assert_eq!(at_rest.iter().any(|c| *c != 0.0), constant, "{name}: at rest only an offset acts");
+        assert_eq!(
+            at_rest.iter().any(|c| *c != 0.0),
+            constant,
+            "{name}: at rest only an offset acts"
+        );
         for dq in [-1e-12, 0.0, 1e-12] {
             effect.columns(1, &JointState { q: &zeros, dq: &[dq; 6], ddq: &zeros }, &mut at_rest);
             assert!(at_rest.iter().all(|c| c.is_finite()), "{name}");

@@ -3,13 +3,14 @@ use alloc::vec::Vec;
 use super::columns::shift;
 use super::stepping::Delay;
 use super::{
-    About, Class, Constant, Effect, Entry, Needs, Origin, Reach, Site, Stepped, Streamed, facts, written_once,
+    About, Class, Constant, Effect, Entry, Needs, Origin, Reach, Site, Stepped, Streamed, facts,
+    written_once,
 };
 
 /// Torques that are logged late: tau_log(t) = tau(t - d), one delay for all joints.
 ///
-/// Source: common in logged data; M. Gautier, A. Janot, P.-O. Vandanjon, A new closed-loop output error method, IEEE
-/// TCST 21(2) (2013), section on time shifts.
+/// Source: common in logged data; M. Gautier, A. Janot, P.-O. Vandanjon, A new closed-loop output
+/// error method, IEEE TCST 21(2) (2013), section on time shifts.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct TorqueDelay;
 
@@ -29,10 +30,12 @@ impl Effect for TorqueDelay {
         About {
             class: Class::Transform,
             formula: "tau_log(t) = tau(t - d)",
-            source: "common in logged data; M. Gautier, A. Janot, P.-O. Vandanjon, A new closed-loop output error method, IEEE TCST 21(2) (2013), section on time shifts.",
+            source: "common in logged data; M. Gautier, A. Janot, P.-O. Vandanjon, A new \
+                 closed-loop output error method, IEEE TCST 21(2) (2013), section on time shifts.",
             signature: "the derivative of the torque, spikes at every reversal, grows with speed",
             confusable: &["actuator_lag", "presliding_friction"],
-            experiment: "the same path at two speeds: a delay scales with speed, presliding with distance",
+            experiment: "the same path at two speeds: a delay scales with speed, presliding with \
+                 distance",
             excitation: "fast motion with reversals",
             origin: Origin::Measurement,
             origin_reason: "the torque is late in the log, not in the arm",
@@ -44,7 +47,15 @@ impl Effect for TorqueDelay {
         vec![Site::Arm]
     }
 
-    fn transmit(&self, _: Site, constants: &[f64], _: usize, rate_hz: f64, values: &mut [f64], width: usize) {
+    fn transmit(
+        &self,
+        _: Site,
+        constants: &[f64],
+        _: usize,
+        rate_hz: f64,
+        values: &mut [f64],
+        width: usize,
+    ) {
         if rate_hz.is_finite() {
             shift(values, width, constants[0] * rate_hz);
         }
@@ -56,8 +67,8 @@ impl Effect for TorqueDelay {
 
     fn streamed(&self) -> Streamed<'_> {
         Streamed::Nearly(
-            "a delay below one period is interpolated from the four newest samples; a torque that is logged early is \
-             that of the motion extrapolated by that time",
+            "a delay below one period is interpolated from the four newest samples; a torque that \
+             is logged early is that of the motion extrapolated by that time",
         )
     }
 
@@ -78,7 +89,14 @@ fn start_transmitted<S: Stepped>(torque: S, hidden: &mut [S]) {
     S::start_delay(hidden, torque);
 }
 
-fn transmitted<S: Stepped>(_: Site, constants: &[f64], _: usize, rate_hz: f64, hidden: &mut [S], torque: S) -> S {
+fn transmitted<S: Stepped>(
+    _: Site,
+    constants: &[f64],
+    _: usize,
+    rate_hz: f64,
+    hidden: &mut [S],
+    torque: S,
+) -> S {
     if rate_hz.is_finite() && constants[0] > 0.0 {
         S::delayed(hidden, torque, constants[0], 1.0 / rate_hz)
     } else {

@@ -1,9 +1,10 @@
 use super::{About, Class, Constant, Effect, Entry, Origin, Site, Stepped, facts, written_once};
 
-/// A torque constant or drive gain that is off: the log shows (1 + e) times the torque of the joint.
+/// A torque constant or drive gain that is off: the log shows (1 + e) times the torque of the
+/// joint.
 ///
-/// Source: M. Gautier, S. Briot, Global identification of joint drive gains and dynamic parameters of robots, ASME J.
-/// Dyn. Syst. 136(5) (2014).
+/// Source: M. Gautier, S. Briot, Global identification of joint drive gains and dynamic parameters
+/// of robots, ASME J. Dyn. Syst. 136(5) (2014).
 #[derive(Clone, Copy, Debug)]
 pub(super) struct TorqueGainError;
 
@@ -22,7 +23,8 @@ impl Effect for TorqueGainError {
         About {
             class: Class::Transform,
             formula: "tau_log = (1 + e) tau",
-            source: "M. Gautier, S. Briot, Global identification of joint drive gains and dynamic parameters of robots, ASME J. Dyn. Syst. 136(5) (2014).",
+            source: "M. Gautier, S. Briot, Global identification of joint drive gains and dynamic \
+                 parameters of robots, ASME J. Dyn. Syst. 136(5) (2014).",
             signature: "follows the whole torque of the joint",
             confusable: &["link_inertia_error", "torque_gain_drift"],
             experiment: "the same motion with a known payload",
@@ -33,7 +35,15 @@ impl Effect for TorqueGainError {
         }
     }
 
-    fn transmit(&self, site: Site, constants: &[f64], joint: usize, _: f64, values: &mut [f64], _: usize) {
+    fn transmit(
+        &self,
+        site: Site,
+        constants: &[f64],
+        joint: usize,
+        _: f64,
+        values: &mut [f64],
+        _: usize,
+    ) {
         if site.joint() == Some(joint) {
             values.iter_mut().for_each(|value| *value *= 1.0 + constants[0]);
         }
@@ -42,6 +52,13 @@ impl Effect for TorqueGainError {
     written_once!(advance_transmitted: transmitted);
 }
 
-fn transmitted<S: Stepped>(site: Site, constants: &[f64], joint: usize, _: f64, _: &mut [S], torque: S) -> S {
+fn transmitted<S: Stepped>(
+    site: Site,
+    constants: &[f64],
+    joint: usize,
+    _: f64,
+    _: &mut [S],
+    torque: S,
+) -> S {
     if site.joint() == Some(joint) { torque * (1.0 + constants[0]) } else { torque }
 }

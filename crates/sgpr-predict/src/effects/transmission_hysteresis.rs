@@ -1,20 +1,21 @@
 use super::stepping::{DAHL_STATE, Dahl};
 use super::{
-    About, Class, Constant, Effect, EffectParameter, Entry, Origin, SampleInput, Scale, Site, StepState, Stepped,
-    facts, written_once,
+    About, Class, Constant, Effect, EffectParameter, Entry, Origin, SampleInput, Scale, Site,
+    StepState, Stepped, facts, written_once,
 };
 
-/// Loop between torque and angle of a gear: the torque lost in the gear follows the direction in which the load
-/// torque changes, over the scale ts, as a Dahl element driven by the load.
+/// Loop between torque and angle of a gear: the torque lost in the gear follows the direction in
+/// which the load torque changes, over the scale ts, as a Dahl element driven by the load.
 ///
-/// Source: M. Ruderman, F. Hoffmann, T. Bertram, Modeling and identification of elastic robot joints with hysteresis
-/// and backlash, IEEE Trans. Industrial Electronics 56(10) (2009).
+/// Source: M. Ruderman, F. Hoffmann, T. Bertram, Modeling and identification of elastic robot
+/// joints with hysteresis and backlash, IEEE Trans. Industrial Electronics 56(10) (2009).
 #[derive(Clone, Copy, Debug)]
 pub(super) struct TransmissionHysteresis;
 
 const PARAMETERS: [EffectParameter; 1] = [EffectParameter::signed("Th", "N·m", "N")];
 
-const CONSTANTS: [Constant; 1] = [Constant::new("ts", ["N·m", "N"], [0.02, 2.0], Scale::Torque, &[0.1, 0.5])];
+const CONSTANTS: [Constant; 1] =
+    [Constant::new("ts", ["N·m", "N"], [0.02, 2.0], Scale::Torque, &[0.1, 0.5])];
 
 impl Effect for TransmissionHysteresis {
     facts! {
@@ -31,7 +32,9 @@ impl Effect for TransmissionHysteresis {
         About {
             class: Class::HiddenState,
             formula: "tau = Th z, dz = (sgn(dtau_rb) - z) |dtau_rb| / ts",
-            source: "M. Ruderman, F. Hoffmann, T. Bertram, Modeling and identification of elastic robot joints with hysteresis and backlash, IEEE Trans. Industrial Electronics 56(10) (2009).",
+            source: "M. Ruderman, F. Hoffmann, T. Bertram, Modeling and identification of elastic \
+                 robot joints with hysteresis and backlash, IEEE Trans. Industrial Electronics \
+                 56(10) (2009).",
             signature: "a loop over the load torque that does not depend on speed",
             confusable: &["presliding_friction", "joint_elasticity", "rotor_inertia"],
             experiment: "output locked, slow ramps of torque",
@@ -51,7 +54,12 @@ impl Effect for TransmissionHysteresis {
     written_once!(advance: law);
 }
 
-fn start<S: Stepped>(site: Site, _: &[f64], input: &SampleInput<'_, S>, state: &mut StepState<'_, S>) {
+fn start<S: Stepped>(
+    site: Site,
+    _: &[f64],
+    input: &SampleInput<'_, S>,
+    state: &mut StepState<'_, S>,
+) {
     let joint = site.joint().expect("at a joint");
     Dahl(state.hidden).start(input.rigid_torque[joint], S::zero(()));
 }

@@ -1,9 +1,11 @@
-use super::{About, Effect, EffectParameter, JointState, Origin, Role, Stepped, facts, written_once};
+use super::{
+    About, Effect, EffectParameter, JointState, Origin, Role, Stepped, facts, written_once,
+};
 
 /// Viscous friction tau = Fv dq.
 ///
-/// Source: B. Armstrong-Hélouvry, P. Dupont, C. Canudas de Wit, A survey of models, analysis tools and compensation
-/// methods for the control of machines with friction, Automatica 30(7) (1994).
+/// Source: B. Armstrong-Hélouvry, P. Dupont, C. Canudas de Wit, A survey of models, analysis tools
+/// and compensation methods for the control of machines with friction, Automatica 30(7) (1994).
 #[derive(Clone, Copy, Debug)]
 pub(super) struct ViscousFriction;
 
@@ -20,9 +22,15 @@ impl Effect for ViscousFriction {
     fn about(&self) -> About<'_> {
         About {
             formula: "tau = Fv dq",
-            source: "B. Armstrong-Hélouvry, P. Dupont, C. Canudas de Wit, A survey of models, analysis tools and compensation methods for the control of machines with friction, Automatica 30(7) (1994).",
+            source: "B. Armstrong-Hélouvry, P. Dupont, C. Canudas de Wit, A survey of models, \
+                 analysis tools and compensation methods for the control of machines with \
+                 friction, Automatica 30(7) (1994).",
             signature: "odd in the speed and proportional to it",
-            confusable: &["nonlinear_viscous_friction", "torque_gain_error", "temperature_dependent_friction"],
+            confusable: &[
+                "nonlinear_viscous_friction",
+                "torque_gain_error",
+                "temperature_dependent_friction",
+            ],
             experiment: "speed steps in both directions at one temperature",
             excitation: "speeds of both signs that differ by a factor of three",
             origin: Origin::Arm,

@@ -105,7 +105,9 @@ impl Mul for Expr {
                     (Some(a), Some(b)) => a * b,
                     (Some(a), None) => -(a * other),
                     (None, Some(b)) => -(self * b),
-                    (None, None) => recorded(Node::Mul(Ord::min(self, other), Ord::max(self, other))),
+                    (None, None) => {
+                        recorded(Node::Mul(Ord::min(self, other), Ord::max(self, other)))
+                    }
                 };
             }
         };
@@ -115,7 +117,9 @@ impl Mul for Expr {
             (1.0, _) => b,
             (-1.0, _) => -b,
             (_, Node::Neg(inner)) => inner * Self::constant(-a),
-            (_, Node::Mul(factor, inner)) if factor.value().is_some() => inner * (factor * Self::constant(a)),
+            (_, Node::Mul(factor, inner)) if factor.value().is_some() => {
+                inner * (factor * Self::constant(a))
+            }
             _ if a < 0.0 => -(b * Self::constant(-a)),
             _ => recorded(Node::Mul(Self::constant(a), b)),
         }

@@ -42,10 +42,16 @@ impl Node {
     pub fn operands(&self) -> impl Iterator<Item = Expr> {
         let [a, b, c] = match *self {
             Self::Constant(_) | Self::Input(_) => [None; 3],
-            Self::Add(a, b) | Self::Sub(a, b) | Self::Mul(a, b) | Self::Div(a, b) => [Some(a), Some(b), None],
+            Self::Add(a, b) | Self::Sub(a, b) | Self::Mul(a, b) | Self::Div(a, b) => {
+                [Some(a), Some(b), None]
+            }
             Self::Select(a, b, c) | Self::Clamp(a, b, c) => [Some(a), Some(b), Some(c)],
-            Self::Neg(a) | Self::Sin(a) | Self::Cos(a) | Self::Exp(a) | Self::Tanh(a) => [Some(a), None, None],
-            Self::Sqrt(a) | Self::Abs(a) | Self::Sgn(a) | Self::Power(a, _) => [Some(a), None, None],
+            Self::Neg(a) | Self::Sin(a) | Self::Cos(a) | Self::Exp(a) | Self::Tanh(a) => {
+                [Some(a), None, None]
+            }
+            Self::Sqrt(a) | Self::Abs(a) | Self::Sgn(a) | Self::Power(a, _) => {
+                [Some(a), None, None]
+            }
         };
         [a, b, c].into_iter().flatten()
     }
@@ -54,7 +60,9 @@ impl Node {
     fn key(&self) -> (u8, u64, u64, u64) {
         let of = |kind: u8, a: Expr| (kind, u64::from(a.0), 0, 0);
         let of_two = |kind: u8, a: Expr, b: Expr| (kind, u64::from(a.0), u64::from(b.0), 0);
-        let of_three = |kind: u8, a: Expr, b: Expr, c: Expr| (kind, u64::from(a.0), u64::from(b.0), u64::from(c.0));
+        let of_three = |kind: u8, a: Expr, b: Expr, c: Expr| {
+            (kind, u64::from(a.0), u64::from(b.0), u64::from(c.0))
+        };
         match *self {
             Self::Constant(value) => (0, value.to_bits(), 0, 0),
             Self::Input(index) => (1, index as u64, 0, 0),
@@ -113,7 +121,8 @@ impl Tape {
         self.nodes.len()
     }
 
-    /// How often each operation is used by those that the outputs need, and by the outputs themselves; zero for others.
+    /// How often each operation is used by those that the outputs need, and by the outputs
+    /// themselves; zero for others.
     pub fn uses(&self, outputs: &[Expr]) -> Vec<usize> {
         let mut uses = vec![0; self.nodes.len()];
         outputs.iter().for_each(|output| uses[output.0 as usize] += 1);
@@ -126,7 +135,8 @@ impl Tape {
     }
 
     fn push(&mut self, node: Node) -> Expr {
-        let next = Expr(u32::try_from(self.nodes.len()).expect("a tape of fewer than 2^32 operations"));
+        let next =
+            Expr(u32::try_from(self.nodes.len()).expect("a tape of fewer than 2^32 operations"));
         let nodes = &mut self.nodes;
         *self.known.entry(node.key()).or_insert_with(|| {
             nodes.push(node);
@@ -164,10 +174,14 @@ impl Drop for Recorder {
 
 /// The expression of an operation; recorded if it is new.
 pub(super) fn recorded(node: Node) -> Expr {
-    TAPE.with_borrow_mut(|tape| tape.as_mut().expect("expressions live while their tape is recorded").push(node))
+    TAPE.with_borrow_mut(|tape| {
+        tape.as_mut().expect("expressions live while their tape is recorded").push(node)
+    })
 }
 
 /// The operation behind an expression.
 pub(super) fn looked_up(expr: Expr) -> Node {
-    TAPE.with_borrow(|tape| tape.as_ref().expect("expressions live while their tape is recorded").node(expr))
+    TAPE.with_borrow(|tape| {
+        tape.as_ref().expect("expressions live while their tape is recorded").node(expr)
+    })
 }

@@ -10,9 +10,10 @@ use crate::math::Float;
 
 /// Covariance of the measurements: signal + correlated noise + noise_variance on the diagonal.
 ///
-/// Samples of one log share their errors with their neighbours in time. A process that knows only white noise takes such
-/// errors for signal and learns them by heart. `correlated_noise` is a kernel of its own, over an input such as time,
-/// which explains the measurements but is left out of predictions: they are of the signal alone.
+/// Samples of one log share their errors with their neighbours in time. A process that knows only
+/// white noise takes such errors for signal and learns them by heart. `correlated_noise` is a
+/// kernel of its own, over an input such as time, which explains the measurements but is left out
+/// of predictions: they are of the signal alone.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct Covariance {
@@ -47,7 +48,8 @@ impl Covariance {
         self
     }
 
-    /// Logarithms of all hyperparameters: of the signal, of the correlated noise, of the noise variance.
+    /// Logarithms of all hyperparameters: of the signal, of the correlated noise, of the noise
+    /// variance.
     pub fn theta(&self) -> Vec<f64> {
         let mut theta = self.kernel().theta();
         theta.push(self.noise_variance.ln());
@@ -64,7 +66,10 @@ impl Covariance {
         let (signal, correlated) = rest.split_at(self.signal.theta_len());
         Self {
             signal: self.signal.with_theta(signal),
-            correlated_noise: self.correlated_noise.as_ref().map(|kernel| kernel.with_theta(correlated)),
+            correlated_noise: self
+                .correlated_noise
+                .as_ref()
+                .map(|kernel| kernel.with_theta(correlated)),
             noise_variance: noise.exp(),
         }
     }
@@ -90,7 +95,10 @@ impl Covariance {
         self.signal.validate(inputs)?;
         self.correlated_noise.iter().try_for_each(|kernel| kernel.validate(inputs))?;
         if self.noise_variance != 0.0 && !is_hyperparameter(self.noise_variance) {
-            return Err(KernelError::Hyperparameter { name: "noise_variance".into(), value: self.noise_variance });
+            return Err(KernelError::Hyperparameter {
+                name: "noise_variance".into(),
+                value: self.noise_variance,
+            });
         }
         Ok(())
     }
@@ -107,7 +115,9 @@ impl Covariance {
 /// `factor` times a kernel, without another layer if it has one.
 fn times(factor: f64, kernel: Kernel) -> Kernel {
     match kernel {
-        Kernel::Scaled { variance, kernel } => Kernel::Scaled { variance: factor * variance, kernel },
+        Kernel::Scaled { variance, kernel } => {
+            Kernel::Scaled { variance: factor * variance, kernel }
+        }
         other => other.scaled(factor),
     }
 }

@@ -1,4 +1,5 @@
-//! The process of a model file: conditioned when its variance is asked for, for the weights of its mean are in the file.
+//! The process of a model file: conditioned when its variance is asked for, for the weights of its
+//! mean are in the file.
 
 use alloc::string::{String, ToString};
 use alloc::vec::Vec;
@@ -50,7 +51,8 @@ impl InverseFactors {
 /// Share of the variance on the diagonal of the covariance of inducing points.
 const INDUCING_JITTER: f64 = 1e-6;
 
-/// Shares of the variance that are added to the diagonal where a covariance is not positive definite without.
+/// Shares of the variance that are added to the diagonal where a covariance is not positive
+/// definite without.
 const JITTERS: [f64; 8] = [0.0, 1e-10, 1e-9, 1e-8, 1e-7, 1e-6, 1e-5, 1e-4];
 
 impl LearnedProcess {
@@ -68,16 +70,22 @@ impl LearnedProcess {
         covariance.validate(inputs).map_err(|error| error.to_string())?;
         let (count, all) = match &seen {
             Seen::AtPoints(y) => (y.len(), [&x[..], y, &[]]),
-            Seen::Through { products, projection } => (projection.len(), [&x[..], products, projection]),
+            Seen::Through { products, projection } => {
+                (projection.len(), [&x[..], products, projection])
+            }
         };
-        if count == 0 || x.len() != count * inputs || weights.as_ref().is_some_and(|weights| weights.len() != count) {
+        if count == 0
+            || x.len() != count * inputs
+            || weights.as_ref().is_some_and(|weights| weights.len() != count)
+        {
             return Err("the arrays of a process do not belong together".into());
         }
         if all.into_iter().chain(weights.as_deref()).flatten().any(|value| !value.is_finite()) {
             return Err("a process has numbers that are not finite".into());
         }
         let solve = weights.is_none();
-        let mut process = Self { covariance, x, inputs, seen, weights: weights.unwrap_or_default() };
+        let mut process =
+            Self { covariance, x, inputs, seen, weights: weights.unwrap_or_default() };
         if solve {
             process.weights = process.inverse_factors()?.solve(process.seen());
         }
@@ -113,8 +121,8 @@ impl LearnedProcess {
         GpPredictor::weighing(&self.covariance.signal, &self.x, self.inputs, &weights, precision)
     }
 
-    /// Mean and variance, one point after the other; and k(x, X) times the weights of what was seen of other outputs, if there
-    /// are some.
+    /// Mean and variance, one point after the other; and k(x, X) times the weights of what was seen
+    /// of other outputs, if there are some.
     ///
     /// - `others`: `[points, others]`, row-major
     ///
@@ -139,17 +147,19 @@ impl LearnedProcess {
         let predictor = GpPredictor::from_parts(&parts, precision);
         let others = others.filter(|others| !others.is_empty()).map(|others| {
             let width = others.len() / size;
-            let column = |k: usize| others.iter().skip(k).step_by(width).copied().collect::<Vec<f64>>();
+            let column =
+                |k: usize| others.iter().skip(k).step_by(width).copied().collect::<Vec<f64>>();
             let weights: Vec<Vec<f64>> = (0..width).map(|k| factors.solve(&column(k))).collect();
             GpPredictor::weighing(signal, &self.x, self.inputs, &weights, Precision::Double)
         });
         Ok((predictor, others))
     }
 
-    /// Source: GPML algorithm 2.1; M. K. Titsias, Variational learning of inducing variables in sparse Gaussian processes, AISTATS
-    /// (2009).
+    /// Source: GPML algorithm 2.1; M. K. Titsias, Variational learning of inducing variables in
+    /// sparse Gaussian processes, AISTATS (2009).
     fn inverse_factors(&self) -> Result<InverseFactors, String> {
-        let failed = || String::from("the covariance of the points of a process is not positive definite");
+        let failed =
+            || String::from("the covariance of the points of a process is not positive definite");
         match &self.seen {
             Seen::AtPoints(_) => {
                 let noise = self.covariance.noise_variance;
@@ -159,7 +169,8 @@ impl LearnedProcess {
             Seen::Through { products, .. } => {
                 let size = self.len();
                 let signal = &self.covariance.signal;
-                let factor = self.factor(signal, INDUCING_JITTER * signal.variance()).ok_or_else(failed)?;
+                let factor =
+                    self.factor(signal, INDUCING_JITTER * signal.variance()).ok_or_else(failed)?;
                 let place = |i: usize, j: usize| {
                     let (column, row) = (i.min(j), i.max(j));
                     column * size - column * (column + 1) / 2 + row

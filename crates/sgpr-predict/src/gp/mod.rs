@@ -1,9 +1,9 @@
-//! Gaussian processes that are asked: kernels, means, variances. They are learned by `sgpr-core`, or
-//! [while the arm runs](crate::online).
+//! Gaussian processes that are asked: kernels, means, variances. They are learned by `sgpr-core`,
+//! or [while the arm runs](crate::online).
 //!
-//! y = f(x) + noise, f ~ GP(0, k). What is learned is the rest that a physical model leaves over, so the prior mean
-//! is zero: far from
-//! the data the prediction returns to the physics, and its variance to k(x, x).
+//! y = f(x) + noise, f ~ GP(0, k). What is learned is the rest that a physical model leaves over,
+//! so the prior mean is zero: far from the data the prediction returns to the physics, and its
+//! variance to k(x, x).
 //!
 //! Source: C. E. Rasmussen, C. K. I. Williams, Gaussian Processes for Machine Learning (2006).
 

@@ -1,7 +1,9 @@
 use alloc::vec::Vec;
 
 use super::Kernel;
-use super::kernels::{BLOCK, Element, GroupedPoints, Plan, Points, Query, TILE, Work, padded, weigh};
+use super::kernels::{
+    BLOCK, Element, GroupedPoints, Plan, Points, Query, TILE, Work, padded, weigh,
+};
 #[cfg(feature = "simd")]
 use super::kernels::{Grid, GridPoints};
 use crate::simd::{Arch, Simd, WithSimd};
@@ -16,8 +18,8 @@ pub enum Precision {
     Single,
 }
 
-/// Predicts one point after the other, for a controller: owns its buffers, allocates nothing, takes no lock, and can
-/// move to another thread. The work of a prediction does not depend on the point.
+/// Predicts one point after the other, for a controller: owns its buffers, allocates nothing, takes
+/// no lock, and can move to another thread. The work of a prediction does not depend on the point.
 ///
 /// # Examples
 /// ```
@@ -81,8 +83,9 @@ struct VarianceOf<T> {
     cross: Vec<T>,
 }
 
-/// A matrix in blocks of four rows, padded with zeros to whole registers: [`BLOCK`] numbers of the first row, as many of
-/// the second, and so on, so that it is read in the order of memory and the vector once for four rows.
+/// A matrix in blocks of four rows, padded with zeros to whole registers: [`BLOCK`] numbers of the
+/// first row, as many of the second, and so on, so that it is read in the order of memory and the
+/// vector once for four rows.
 #[derive(Clone, Debug)]
 struct Packed<T> {
     values: Vec<T>,
@@ -90,13 +93,15 @@ struct Packed<T> {
     lengths: Vec<usize>,
 }
 
-/// Products that are summed in the arithmetic of the matrix; these sums are summed in double precision.
+/// Products that are summed in the arithmetic of the matrix; these sums are summed in double
+/// precision.
 const RUN: usize = 512;
 
 /// Share of the prior variance from which a point counts as far from the data.
 const FAR: f64 = 0.95;
 
-/// Some points of the data, each followed by one half-way to another: where a predictor is held against its process.
+/// Some points of the data, each followed by one half-way to another: where a predictor is held
+/// against its process.
 pub(crate) fn probes(x: &[f64], inputs: usize) -> Vec<f64> {
     const MOST: usize = 200;
     let points: Vec<&[f64]> = x.chunks_exact(inputs).collect();
@@ -172,7 +177,10 @@ pub struct WeightRows<'a> {
 
 impl core::fmt::Debug for WeightRows<'_> {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        f.debug_struct("Rows").field("rows", &self.rows).field("columns", &self.columns).finish_non_exhaustive()
+        f.debug_struct("Rows")
+            .field("rows", &self.rows)
+            .field("columns", &self.columns)
+            .finish_non_exhaustive()
     }
 }
 
@@ -183,7 +191,13 @@ impl GpPredictor {
     ///
     /// # Panics
     /// If the kernel looks at an input that is not there, or there is not one weight per point.
-    pub fn weighing(signal: &Kernel, x: &[f64], inputs: usize, weights: &[Vec<f64>], precision: Precision) -> Self {
+    pub fn weighing(
+        signal: &Kernel,
+        x: &[f64],
+        inputs: usize,
+        weights: &[Vec<f64>],
+        precision: Precision,
+    ) -> Self {
         Self::from_parts(&Parts::new(signal, x, inputs, weights), precision)
     }
 
@@ -209,9 +223,11 @@ impl GpPredictor {
         }
     }
 
-    /// Measures the largest differences to the process itself, at points of `x` and half-way between them.
+    /// Measures the largest differences to the process itself, at points of `x` and half-way
+    /// between them.
     ///
-    /// - `exact`: means `[points, outputs]` and variances `[points]` of the process, these if wanted
+    /// - `exact`: means `[points, outputs]` and variances `[points]` of the process, these if
+    ///   wanted
     pub fn measure(&mut self, x: &[f64], with_variance: bool, exact: Exact<'_>) {
         let probes = probes(x, self.inputs);
         let (mean, variance) = exact(&probes, with_variance);
@@ -221,7 +237,8 @@ impl GpPredictor {
                 let difference = (self.mean_and_variance(x).1 - variance[k]).abs();
                 self.variance_error = self.variance_error.max(difference);
             }
-            let differences = self.mean(x).iter().zip(&mean[k * outputs..]).map(|(a, b)| (a - b).abs());
+            let differences =
+                self.mean(x).iter().zip(&mean[k * outputs..]).map(|(a, b)| (a - b).abs());
             let largest = differences.fold(0.0, f64::max);
             self.error = self.error.max(largest);
         }
@@ -253,8 +270,8 @@ impl GpPredictor {
         (&self.mean, (self.prior_variance - explained).max(0.0))
     }
 
-    /// Whether a variance is that of a point so far from the data that they say nothing about it: within 5 % of the
-    /// variance before any data.
+    /// Whether a variance is that of a point so far from the data that they say nothing about it:
+    /// within 5 % of the variance before any data.
     pub fn is_far(&self, variance: f64) -> bool {
         variance > FAR * self.prior_variance
     }
@@ -264,15 +281,16 @@ impl GpPredictor {
         self.prior_variance
     }
 
-    /// Largest error of the mean against all digits of the points and double precision, measured at up to 200 points of
-    /// the data and as many between them; zero in double precision that is not compact.
+    /// Largest error of the mean against all digits of the points and double precision, measured at
+    /// up to 200 points of the data and as many between them; zero in double precision that is not
+    /// compact.
     pub fn error(&self) -> f64 {
         self.error
     }
 
-    /// Largest difference of the variance to that from all points in double precision, measured at the same points; of
-    /// fewer points it is too large there, never too small. Zero in double precision from all points that is not compact, or
-    /// without variance.
+    /// Largest difference of the variance to that from all points in double precision, measured at
+    /// the same points; of fewer points it is too large there, never too small. Zero in double
+    /// precision from all points that is not compact, or without variance.
     pub fn variance_error(&self) -> f64 {
         self.variance_error
     }
@@ -288,8 +306,11 @@ impl<T: Element> Core<T> {
         let count = parts.x.len() / parts.inputs;
         let full = || Kept::Full(GroupedPoints::new(&plan, parts.x, parts.inputs));
         #[cfg(feature = "simd")]
-        let compact =
-            |grid| Kept::Compact(GridPoints::new(&plan, grid, parts.x, parts.inputs).expect("no input is periodic"));
+        let compact = |grid| {
+            Kept::Compact(
+                GridPoints::new(&plan, grid, parts.x, parts.inputs).expect("no input is periodic"),
+            )
+        };
         Self {
             #[cfg(feature = "simd")]
             points: parts.grid.map_or_else(full, compact),
@@ -298,7 +319,9 @@ impl<T: Element> Core<T> {
             weights: parts.weights.iter().map(|weights| padded(weights)).collect(),
             variance: match &parts.variance {
                 None => Variance::None,
-                Some(of_process) if parts.compact => Variance::Compact(VarianceOf::new(of_process, count)),
+                Some(of_process) if parts.compact => {
+                    Variance::Compact(VarianceOf::new(of_process, count))
+                }
                 Some(of_process) => Variance::Full(VarianceOf::new(of_process, count)),
             },
             query: plan.query(),
@@ -325,7 +348,12 @@ impl<T: Element> WithSimd for Predict<'_, T> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) -> f64 {
-        let Self { core: Core { plan, points, weights, variance, query, work }, x, mean, with_variance } = self;
+        let Self {
+            core: Core { plan, points, weights, variance, query, work },
+            x,
+            mean,
+            with_variance,
+        } = self;
         plan.set_query(x, query);
         mean.fill(0.0);
         let none = &mut Variance::None;
@@ -362,26 +390,41 @@ struct Tiles<'a, T> {
 impl<T: Element> Tiles<'_, T> {
     #[inline(always)]
     fn add<S: Simd>(&mut self, simd: S, points: &impl Points<T>) {
-        if let (Some((shape, columns)), [weights], Variance::None) = (self.plan.single_leaf(), self.weights, &self.keep)
+        if let (Some((shape, columns)), [weights], Variance::None) =
+            (self.plan.single_leaf(), self.weights, &self.keep)
         {
             let c = self.query.coordinates(&columns);
             for (tile, weights) in weights.chunks(TILE).enumerate() {
-                self.mean[0] += self.plan.variance() * weigh(simd, points, shape, tile * TILE, c, weights);
+                self.mean[0] +=
+                    self.plan.variance() * weigh(simd, points, shape, tile * TILE, c, weights);
             }
             return;
         }
         let count = self.weights[0].len();
-        for (start, length) in (0..count).step_by(TILE).map(|start| (start, TILE.min(count - start))) {
-            let values = self.plan.values::<T, S, false>(simd, points, (start, length), self.query, self.work);
+        for (start, length) in
+            (0..count).step_by(TILE).map(|start| (start, TILE.min(count - start)))
+        {
+            let values = self.plan.values::<T, S, false>(
+                simd,
+                points,
+                (start, length),
+                self.query,
+                self.work,
+            );
             for (mean, weights) in self.mean.iter_mut().zip(self.weights) {
                 *mean += T::dot(simd, values, &weights[start..start + length]);
             }
             match self.keep {
                 Variance::None => {}
-                Variance::Full(of_process) => of_process.cross[start..start + length].copy_from_slice(values),
+                Variance::Full(of_process) => {
+                    of_process.cross[start..start + length].copy_from_slice(values)
+                }
                 Variance::Compact(of_process) => {
                     let cross = &mut of_process.cross[start..start + length];
-                    cross.iter_mut().zip(values).for_each(|(cross, value)| *cross = value.to_f64() as f32);
+                    cross
+                        .iter_mut()
+                        .zip(values)
+                        .for_each(|(cross, value)| *cross = value.to_f64() as f32);
                 }
             }
         }
@@ -412,11 +455,15 @@ impl<T: Element> Packed<T> {
         for first in (0..count).step_by(4) {
             let used = if triangle { (first + 4).min(columns) } else { columns };
             let length = used.next_multiple_of(BLOCK);
-            for (start, row) in
-                (0..length).step_by(BLOCK).flat_map(|start| (first..first + 4).map(move |row| (start, row)))
+            for (start, row) in (0..length)
+                .step_by(BLOCK)
+                .flat_map(|start| (first..first + 4).map(move |row| (start, row)))
             {
-                let there = |column: usize| row < count && column < columns && (column <= row || !triangle);
-                let value = |column: usize| if there(column) { T::from_f64(at(row, column)) } else { T::default() };
+                let there =
+                    |column: usize| row < count && column < columns && (column <= row || !triangle);
+                let value = |column: usize| {
+                    if there(column) { T::from_f64(at(row, column)) } else { T::default() }
+                };
                 values.extend((start..start + BLOCK).map(value));
             }
             lengths.push(length);

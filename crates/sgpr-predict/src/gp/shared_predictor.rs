@@ -9,9 +9,10 @@ use super::{Kernel, Shape};
 use crate::math::Float;
 use crate::simd::{Arch, Simd, WithSimd};
 
-/// Means of several processes over the same points, such as those of the joints of an arm: the points are read once, and
-/// processes with the same kernel share its values. Owns its buffers, allocates nothing, takes no lock, and can move to
-/// another thread; the work of a prediction does not depend on the query.
+/// Means of several processes over the same points, such as those of the joints of an arm: the
+/// points are read once, and processes with the same kernel share its values. Owns its buffers,
+/// allocates nothing, takes no lock, and can move to another thread; the work of a prediction does
+/// not depend on the query.
 ///
 /// # Examples
 /// ```
@@ -57,7 +58,8 @@ const WIDEST: usize = 6;
 
 #[derive(Clone, Debug)]
 struct SharedCore<T> {
-    /// Inputs that any kernel looks at, and their centres, subtracted so that single precision keeps its digits.
+    /// Inputs that any kernel looks at, and their centres, subtracted so that single precision
+    /// keeps its digits.
     columns: Vec<(usize, f64)>,
     /// A tile after the other: its columns, each [`TILE`] long.
     points: Vec<T>,
@@ -72,7 +74,8 @@ struct SharedCore<T> {
 #[derive(Clone, Debug)]
 struct KernelGroup<T> {
     shapes: Vec<Shape>,
-    /// One over the squared length scales, `[columns, kernels]`; zero for an input that the kernel does not look at.
+    /// One over the squared length scales, `[columns, kernels]`; zero for an input that the kernel
+    /// does not look at.
     weights: Weights<T>,
     /// For each kernel the processes that have it.
     processes: Vec<OfKernel<T>>,
@@ -96,7 +99,9 @@ impl<T: Element> Weights<T> {
     /// - `of_kernels`: for each kernel one weight per column
     fn new(of_kernels: &[Vec<f64>]) -> Self {
         fn rows<T: Element, const K: usize>(of_kernels: &[Vec<f64>]) -> Vec<[T; K]> {
-            let row = |column: usize| core::array::from_fn(|kernel| T::from_f64(of_kernels[kernel][column]));
+            let row = |column: usize| {
+                core::array::from_fn(|kernel| T::from_f64(of_kernels[kernel][column]))
+            };
             (0..of_kernels[0].len()).map(row).collect()
         }
         match of_kernels.len() {
@@ -124,12 +129,14 @@ impl<T: Element> Weights<T> {
 }
 
 impl SharedPredictor {
-    /// The only place that allocates. None if there is no process, if they do not have the same points, or if a kernel is more
-    /// than one stationary shape: ask each by a [`super::GpPredictor`] then.
+    /// The only place that allocates. None if there is no process, if they do not have the same
+    /// points, or if a kernel is more than one stationary shape: ask each by a
+    /// [`super::GpPredictor`] then.
     pub fn new(sums: &[WeightedKernel<'_>], precision: Precision) -> Option<Self> {
         let WeightedKernel { x, inputs, .. } = sums.first()?;
-        let alike =
-            |sum: &WeightedKernel<'_>| (sum.inputs, sum.x) == (*inputs, *x) && sum.signal.single_leaf().is_some();
+        let alike = |sum: &WeightedKernel<'_>| {
+            (sum.inputs, sum.x) == (*inputs, *x) && sum.signal.single_leaf().is_some()
+        };
         if !sums.iter().all(alike) {
             return None;
         }
@@ -163,14 +170,18 @@ impl SharedPredictor {
     pub fn means(&mut self, x: &[f64]) -> &[f64] {
         assert_eq!(x.len(), self.inputs, "one number per input");
         match &mut self.kind {
-            SharedKind::Double(core) => Arch::new().dispatch(PredictShared { core, x, means: &mut self.means }),
-            SharedKind::Single(core) => Arch::new().dispatch(PredictShared { core, x, means: &mut self.means }),
+            SharedKind::Double(core) => {
+                Arch::new().dispatch(PredictShared { core, x, means: &mut self.means })
+            }
+            SharedKind::Single(core) => {
+                Arch::new().dispatch(PredictShared { core, x, means: &mut self.means })
+            }
         }
         &self.means
     }
 
-    /// Largest error of a mean against double precision, measured at up to 200 points of the data and as many between
-    /// them; zero in double precision.
+    /// Largest error of a mean against double precision, measured at up to 200 points of the data
+    /// and as many between them; zero in double precision.
     pub fn error(&self) -> f64 {
         self.error
     }
@@ -183,10 +194,12 @@ impl SharedPredictor {
 
 impl<T: Element> SharedCore<T> {
     fn new(sums: &[WeightedKernel<'_>]) -> Self {
-        let leaves: Vec<_> = sums.iter().map(|sum| sum.signal.single_leaf().expect("checked")).collect();
+        let leaves: Vec<_> =
+            sums.iter().map(|sum| sum.signal.single_leaf().expect("checked")).collect();
         let WeightedKernel { x, inputs, .. } = sums[0];
         let count = x.len() / inputs;
-        let mut used: Vec<usize> = leaves.iter().flat_map(|(_, leaf)| leaf.inputs.iter().map(|i| i.index)).collect();
+        let mut used: Vec<usize> =
+            leaves.iter().flat_map(|(_, leaf)| leaf.inputs.iter().map(|i| i.index)).collect();
         used.sort_unstable();
         used.dedup();
         let mean = |input: usize| x.iter().skip(input).step_by(inputs).sum::<f64>() / count as f64;
@@ -204,7 +217,8 @@ impl<T: Element> SharedCore<T> {
         let mut distinct: Vec<usize> = vec![];
         let mut own: Vec<OfKernel<T>> = vec![];
         for (index, (variance, leaf)) in leaves.iter().enumerate() {
-            let alpha: Vec<f64> = sums[index].weights.iter().map(|alpha| variance * alpha).collect();
+            let alpha: Vec<f64> =
+                sums[index].weights.iter().map(|alpha| variance * alpha).collect();
             let entry = (index, padded(&alpha));
             match distinct.iter().position(|&other| *leaves[other].1 == **leaf) {
                 Some(kernel) => own[kernel].push(entry),
@@ -217,7 +231,10 @@ impl<T: Element> SharedCore<T> {
         let weights = |&index: &usize| -> Vec<f64> {
             let leaf = &leaves[index].1;
             let of = |column: usize| leaf.inputs.iter().position(|input| input.index == column);
-            columns.iter().map(|(input, _)| of(*input).map_or(0.0, |k| leaf.scale(k).powi(-2))).collect()
+            columns
+                .iter()
+                .map(|(input, _)| of(*input).map_or(0.0, |k| leaf.scale(k).powi(-2)))
+                .collect()
         };
         let group = |(kernels, processes): (&[usize], &[OfKernel<T>])| KernelGroup {
             shapes: kernels.iter().map(|&index| leaves[index].1.shape).collect(),
@@ -247,7 +264,11 @@ impl<T: Element> WithSimd for PredictShared<'_, T> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let Self { core: SharedCore { columns, points, count, kernels, query, squares, values }, x, means } = self;
+        let Self {
+            core: SharedCore { columns, points, count, kernels, query, squares, values },
+            x,
+            means,
+        } = self;
         for (value, (input, centre)) in query.iter_mut().zip(&*columns) {
             *value = T::from_f64(x[*input] - centre);
         }
@@ -257,10 +278,19 @@ impl<T: Element> WithSimd for PredictShared<'_, T> {
             let length = (*count - start).min(TILE).next_multiple_of(BLOCK);
             for KernelGroup { shapes, weights, processes } in &*kernels {
                 weights.distances(simd, x, length, query, squares);
-                for ((shape, processes), squares) in shapes.iter().zip(processes).zip(squares.chunks_exact(TILE)) {
-                    T::shape::<S, false>(simd, *shape, &squares[..length], &mut values[..length], &mut []);
+                for ((shape, processes), squares) in
+                    shapes.iter().zip(processes).zip(squares.chunks_exact(TILE))
+                {
+                    T::shape::<S, false>(
+                        simd,
+                        *shape,
+                        &squares[..length],
+                        &mut values[..length],
+                        &mut [],
+                    );
                     for (process, alpha) in processes {
-                        means[*process] += T::dot(simd, &values[..length], &alpha[start..start + length]);
+                        means[*process] +=
+                            T::dot(simd, &values[..length], &alpha[start..start + length]);
                     }
                 }
             }

@@ -1,4 +1,5 @@
-//! Factors of covariances, row by row, so that all sums run along memory: enough for the points of a model file.
+//! Factors of covariances, row by row, so that all sums run along memory: enough for the points of
+//! a model file.
 
 use alloc::vec::Vec;
 
@@ -114,7 +115,8 @@ mod tests {
         let factor = matrix.clone().cholesky().expect("positive definite");
         for i in 0..n {
             for j in 0..n {
-                let product: f64 = factor.row(i).iter().zip(factor.row(j)).map(|(a, b)| a * b).sum();
+                let product: f64 =
+                    factor.row(i).iter().zip(factor.row(j)).map(|(a, b)| a * b).sum();
                 assert!((product - matrix.row(i)[j]).abs() < 1e-14);
             }
         }

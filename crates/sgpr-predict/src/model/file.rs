@@ -1,7 +1,8 @@
-//! Reading the file of a torque model: a head in JSON and arrays of numbers, in the format of safetensors.
+//! Reading the file of a torque model: a head in JSON and arrays of numbers, in the format of
+//! safetensors.
 //!
-//! The crate `safetensors` would make the tree of this one half as large again; what is needed of the format is a length, a
-//! JSON object and ranges of bytes.
+//! The crate `safetensors` would make the tree of this one half as large again; what is needed of
+//! the format is a length, a JSON object and ranges of bytes.
 
 use alloc::collections::BTreeMap;
 use alloc::string::{String, ToString};
@@ -61,7 +62,9 @@ pub enum ModelError {
         message: String,
     },
     /// A model of another kind.
-    #[error("{origin}: its head says `{found}`; a controller takes a `{FORMAT}` or a `{LEARNED_FORMAT}`")]
+    #[error(
+        "{origin}: its head says `{found}`; a controller takes a `{FORMAT}` or a `{LEARNED_FORMAT}`"
+    )]
     Kind {
         /// File.
         origin: String,
@@ -69,7 +72,9 @@ pub enum ModelError {
         found: String,
     },
     /// Written by a later version.
-    #[error("{origin}: the file has version {found}, this library reads up to {supported}: update it")]
+    #[error(
+        "{origin}: the file has version {found}, this library reads up to {supported}: update it"
+    )]
     Version {
         /// File.
         origin: String,
@@ -110,9 +115,13 @@ impl Described {
         }
         let parameters = read("parameters", set.len())?;
         if let Some(index) = parameters.iter().position(|value| !value.is_finite()) {
-            return Err(format!("the parameter {} is {}", parameter_names[index], parameters[index]));
+            return Err(format!(
+                "the parameter {} is {}",
+                parameter_names[index], parameters[index]
+            ));
         }
-        let terms = terms.into_iter().map(|term| term.term(known, &robot)).collect::<Result<_, _>>()?;
+        let terms =
+            terms.into_iter().map(|term| term.term(known, &robot)).collect::<Result<_, _>>()?;
         Ok((robot, set, parameters, terms))
     }
 }
@@ -138,9 +147,8 @@ struct KindOfFile {
 }
 
 impl StreamedModel {
-    /// Reads the file of a torque model or of a semi-parametric one. Safe with files from strangers: nothing in them
-    /// is run, sizes are checked before
-    /// memory is taken.
+    /// Reads the file of a torque model or of a semi-parametric one. Safe with files from
+    /// strangers: nothing in them is run, sizes are checked before memory is taken.
     ///
     /// # Errors
     /// If the file is no model, damaged, or of a later version.
@@ -168,32 +176,52 @@ impl StreamedModel {
     ///
     /// # Errors
     /// As [`Self::load`].
-    pub fn from_bytes_with(bytes: &[u8], origin: &str, effects: &[Arc<dyn Effect>]) -> Result<Self, ModelError> {
+    pub fn from_bytes_with(
+        bytes: &[u8],
+        origin: &str,
+        effects: &[Arc<dyn Effect>],
+    ) -> Result<Self, ModelError> {
         Self::read(bytes, origin, effects, false)
     }
 
-    /// - `within`: whether the bytes lie within the file of a semi-parametric model, which has none within it in turn
-    fn read(bytes: &[u8], origin: &str, effects: &[Arc<dyn Effect>], within: bool) -> Result<Self, ModelError> {
+    /// - `within`: whether the bytes lie within the file of a semi-parametric model, which has none
+    ///   within it in turn
+    fn read(
+        bytes: &[u8],
+        origin: &str,
+        effects: &[Arc<dyn Effect>],
+        within: bool,
+    ) -> Result<Self, ModelError> {
         let malformed = |message: String| ModelError::Malformed { origin: origin.into(), message };
         let archive = Archive::open(bytes).map_err(malformed)?;
         let of_head = |error: serde_json::Error| malformed(format!("its head: {error}"));
-        let KindOfFile { format, version } = serde_json::from_str(&archive.head).map_err(of_head)?;
+        let KindOfFile { format, version } =
+            serde_json::from_str(&archive.head).map_err(of_head)?;
         let learned = format == LEARNED_FORMAT;
         if format != FORMAT && (within || !learned) {
             return Err(ModelError::Kind { origin: origin.into(), found: format });
         }
         if version > VERSION {
-            return Err(ModelError::Version { origin: origin.into(), found: version, supported: VERSION });
+            return Err(ModelError::Version {
+                origin: origin.into(),
+                found: version,
+                supported: VERSION,
+            });
         }
         if learned {
-            let part = |name: &str| archive.bytes(name).map(|bytes| Self::read(bytes, origin, effects, true));
-            let mut model = part("physics").ok_or_else(|| malformed("`physics` is missing".into()))??;
+            let part = |name: &str| {
+                archive.bytes(name).map(|bytes| Self::read(bytes, origin, effects, true))
+            };
+            let mut model =
+                part("physics").ok_or_else(|| malformed("`physics` is missing".into()))??;
             let identified = part("identified").transpose()?;
             let head = serde_json::from_str(&archive.head).map_err(of_head)?;
-            model.rest = Some(Arc::new(rest(head, &model, identified, &archive).map_err(malformed)?));
+            model.rest =
+                Some(Arc::new(rest(head, &model, identified, &archive).map_err(malformed)?));
             return Ok(model);
         }
-        let PhysicsHead { fit, described } = serde_json::from_str(&archive.head).map_err(of_head)?;
+        let PhysicsHead { fit, described } =
+            serde_json::from_str(&archive.head).map_err(of_head)?;
         let read = |name: &str, length: usize| archive.array(name, length);
         let (robot, set, parameters, terms) = described.parts(effects, read).map_err(malformed)?;
         let noise = fit.map_or_else(Vec::new, |fit| fit.noise);
@@ -209,7 +237,8 @@ impl StreamedModel {
 #[derive(Deserialize)]
 struct LearnedHead {
     joints: Vec<JointHead>,
-    /// Columns of the regressor that the base parameters are; not in files of versions that did not keep it.
+    /// Columns of the regressor that the base parameters are; not in files of versions that did not
+    /// keep it.
     #[serde(default)]
     independent: Option<Vec<usize>>,
 }
@@ -234,17 +263,27 @@ fn rest(
     archive: &Archive<'_>,
 ) -> Result<LearnedRest, String> {
     let n = model.dof();
-    if head.joints.len() != n || identified.as_ref().is_some_and(|identified| identified.dof() != n) {
+    if head.joints.len() != n || identified.as_ref().is_some_and(|identified| identified.dof() != n)
+    {
         return Err("what was learned is of another robot than the physics".into());
     }
     let mut joints = Vec::with_capacity(n);
     for (joint, JointHead { report: Report { calibration }, noise_variance, covariance }) in
         head.joints.into_iter().enumerate()
     {
-        if !(noise_variance >= 0.0 && noise_variance.is_finite() && calibration > 0.0 && calibration.is_finite()) {
-            return Err(format!("noise variance or calibration of joint {} are no numbers above zero", joint + 1));
+        if !(noise_variance >= 0.0
+            && noise_variance.is_finite()
+            && calibration > 0.0
+            && calibration.is_finite())
+        {
+            return Err(format!(
+                "noise variance or calibration of joint {} are no numbers above zero",
+                joint + 1
+            ));
         }
-        let process = covariance.map(|covariance| process(archive, joint, 3 * n + 1, covariance)).transpose()?;
+        let process = covariance
+            .map(|covariance| process(archive, joint, 3 * n + 1, covariance))
+            .transpose()?;
         joints.push(LearnedJoint { process, noise_variance, calibration });
     }
     let knows_parameters = head.independent.is_some();
@@ -274,11 +313,16 @@ fn process(
     let own = array(&of_points, points)?;
     let seen = match through {
         false => Seen::AtPoints(own),
-        true => Seen::Through { products: array(&name("products"), points * (points + 1) / 2)?, projection: own },
+        true => Seen::Through {
+            products: array(&name("products"), points * (points + 1) / 2)?,
+            projection: own,
+        },
     };
     let weights = name("weights");
-    let weights = archive.arrays.contains_key(&weights).then(|| array(&weights, points)).transpose()?;
-    LearnedProcess::new(covariance, x, inputs, seen, weights).map_err(|error| format!("joint {}: {error}", joint + 1))
+    let weights =
+        archive.arrays.contains_key(&weights).then(|| array(&weights, points)).transpose()?;
+    LearnedProcess::new(covariance, x, inputs, seen, weights)
+        .map_err(|error| format!("joint {}: {error}", joint + 1))
 }
 
 fn basis(
@@ -322,7 +366,8 @@ pub fn header_and_numbers(bytes: &[u8]) -> Result<(&[u8], &[u8]), &'static str> 
     rest.split_at_checked(length).ok_or(CUT_OFF)
 }
 
-const NO_MODEL: &str = "it does not begin as the files do that `save` and `sgpr identify` write (`model.sgpr`)";
+const NO_MODEL: &str =
+    "it does not begin as the files do that `save` and `sgpr identify` write (`model.sgpr`)";
 const CUT_OFF: &str = "it ends before its header does, as a file that was not copied to its end";
 
 /// The content of a file of safetensors.

@@ -6,10 +6,11 @@ use crate::effects::{self, Effect, Entry, JointState, Stepped, UnknownEffect};
 use crate::robot::Robot;
 use crate::spatial::{PARAMETERS_PER_LINK, STANDARD_PARAMETER_UNITS};
 
-/// Every parameter of a robot's torque: ten per link, then those of the effects, then those whose columns are given along
-/// with the trajectories.
+/// Every parameter of a robot's torque: ten per link, then those of the effects, then those whose
+/// columns are given along with the trajectories.
 ///
-/// Effects stand in the order of the registry, whatever order they were given in, each with its joints in order.
+/// Effects stand in the order of the registry, whatever order they were given in, each with its
+/// joints in order.
 #[derive(Clone, Debug)]
 pub struct ParameterSet {
     dof: usize,
@@ -26,8 +27,8 @@ pub struct ParameterSet {
 #[doc(hidden)]
 pub const BARELY_MOVING: f64 = 1e-9;
 
-/// A parameter whose column does not follow from the present motion alone, but from the whole trajectory: it comes with
-/// the trajectory, beside its motion.
+/// A parameter whose column does not follow from the present motion alone, but from the whole
+/// trajectory: it comes with the trajectory, beside its motion.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct TrajectoryColumn {
@@ -72,11 +73,16 @@ impl ParameterSet {
             let effect = effects::by_name(name.as_ref())?;
             if effect.entry() != Entry::State {
                 let plain = |effect: &Arc<dyn Effect>| effect.entry() == Entry::State;
-                let known = effects::registry().into_iter().filter(plain).map(|effect| effect.name().into()).collect();
+                let known = effects::registry()
+                    .into_iter()
+                    .filter(plain)
+                    .map(|effect| effect.name().into())
+                    .collect();
                 return Err(UnknownEffect { name: name.as_ref().into(), known });
             }
         }
-        let wanted = |effect: &Arc<dyn Effect>| effects.iter().any(|name| name.as_ref() == effect.name());
+        let wanted =
+            |effect: &Arc<dyn Effect>| effects.iter().any(|name| name.as_ref() == effect.name());
         let effects: Vec<_> = effects::registry().into_iter().filter(wanted).collect();
 
         let mut names = robot.standard_parameter_names();
@@ -91,7 +97,15 @@ impl ParameterSet {
                 }
             }
         }
-        Ok(Self { dof: robot.dof(), names, units, effects, columns, trajectory_columns: vec![], sticks: false })
+        Ok(Self {
+            dof: robot.dof(),
+            names,
+            units,
+            effects,
+            columns,
+            trajectory_columns: vec![],
+            sticks: false,
+        })
     }
 
     /// The same with parameters whose columns come with the trajectories.
@@ -103,11 +117,11 @@ impl ParameterSet {
         self
     }
 
-    /// The same for joints that stick: the column of a joint that barely moves (1e-9 rad/s, m/s) is a line between what it
-    /// is in either direction.
+    /// The same for joints that stick: the column of a joint that barely moves (1e-9 rad/s, m/s) is
+    /// a line between what it is in either direction.
     ///
-    /// So dry friction, an unknown torque at rest, has a speed of its own for every value up to its size, which is rest for
-    /// all else. Simulated motions name it .
+    /// So dry friction, an unknown torque at rest, has a speed of its own for every value up to its
+    /// size, which is rest for all else. Simulated motions name it .
     #[must_use]
     pub fn with_sticking_joints(mut self) -> Self {
         self.sticks = true;
@@ -125,7 +139,8 @@ impl ParameterSet {
         &self.trajectory_columns
     }
 
-    /// Number of parameters whose columns follow from the present motion; those of the trajectories follow.
+    /// Number of parameters whose columns follow from the present motion; those of the trajectories
+    /// follow.
     pub fn of_state(&self) -> usize {
         self.len() - self.trajectory_columns.len()
     }
@@ -195,7 +210,13 @@ impl ParameterSet {
     }
 
     /// The columns of an effect at a joint, a line about rest for joints that stick.
-    fn columns_of<S: Stepped>(&self, effect: &dyn Effect, joint: usize, state: &JointState<'_, S>, out: &mut [S]) {
+    fn columns_of<S: Stepped>(
+        &self,
+        effect: &dyn Effect,
+        joint: usize,
+        state: &JointState<'_, S>,
+        out: &mut [S],
+    ) {
         let (zero, one, speed) = (S::zero(()), S::constant(1.0), state.dq[joint]);
         let width = S::constant(BARELY_MOVING);
         let sticks = (width - speed.abs()).where_positive(one, zero);
@@ -204,7 +225,8 @@ impl ParameterSet {
         }
         let mut dq = state.dq.to_vec();
         let [mut forwards, mut backwards] = [[zero; MOST_PARAMETERS]; 2];
-        let [forwards, backwards] = [&mut forwards, &mut backwards].map(|columns| &mut columns[..out.len()]);
+        let [forwards, backwards] =
+            [&mut forwards, &mut backwards].map(|columns| &mut columns[..out.len()]);
         S::columns(effect, joint, state, out);
         dq[joint] = width;
         S::columns(effect, joint, &JointState { dq: &dq, ..*state }, forwards);
@@ -230,9 +252,15 @@ impl ParameterSet {
 
     /// Torque that the effects need at one sample, added to `tau`.
     ///
-    /// - `parameters`: all parameters, in the order of the set; those of trajectory columns are not looked at
+    /// - `parameters`: all parameters, in the order of the set; those of trajectory columns are not
+    ///   looked at
     /// - `tau`: `[n]`, N·m (N)
-    pub fn add_effect_torque<S: Stepped>(&self, parameters: &[f64], state: &JointState<'_, S>, tau: &mut [S]) {
+    pub fn add_effect_torque<S: Stepped>(
+        &self,
+        parameters: &[f64],
+        state: &JointState<'_, S>,
+        tau: &mut [S],
+    ) {
         let mut values = [S::zero(()); MOST_PARAMETERS];
         let mut index = self.inertial();
         for effect in &self.effects {

@@ -7,8 +7,8 @@ use crate::effects::{Role, UnknownEffect};
 use crate::gp::LearnedProcess;
 use crate::robot::Robot;
 
-/// tau = rigid body(q, dq, ddq) + effects at every joint + effects at single sites + what was learned of the rest: a torque model
-/// without where it comes from.
+/// tau = rigid body(q, dq, ddq) + effects at every joint + effects at single sites + what was
+/// learned of the rest: a torque model without where it comes from.
 ///
 /// [`Self::predictor`] makes a [`Predictor`](crate::stream::Predictor) of it.
 #[derive(Clone, Debug)]
@@ -38,10 +38,12 @@ impl StreamedModel {
     /// The rigid body that a robot has by its file.
     pub fn nominal(robot: &Robot) -> Self {
         let effects: [&str; 0] = [];
-        Self::with_parameters(robot, &effects, robot.standard_parameters()).expect("no effect is unknown")
+        Self::with_parameters(robot, &effects, robot.standard_parameters())
+            .expect("no effect is unknown")
     }
 
-    /// A model with given parameters: ten per link, then those of `effects`, in the order of [`ParameterSet`].
+    /// A model with given parameters: ten per link, then those of `effects`, in the order of
+    /// [`ParameterSet`].
     ///
     /// # Errors
     /// If there is no effect of a name.
@@ -63,7 +65,8 @@ impl StreamedModel {
         self
     }
 
-    /// The same with another standard deviation of the torque, per joint, N·m (N); none of a model that was not identified.
+    /// The same with another standard deviation of the torque, per joint, N·m (N); none of a model
+    /// that was not identified.
     #[must_use]
     pub fn with_noise(mut self, noise: Vec<f64>) -> Self {
         self.noise = noise;
@@ -95,12 +98,14 @@ impl StreamedModel {
         &self.terms
     }
 
-    /// Standard deviation of the torque per joint, N·m (N), as the fit says; empty if the model was not identified.
+    /// Standard deviation of the torque per joint, N·m (N), as the fit says; empty if the model was
+    /// not identified.
     pub fn noise(&self) -> &[f64] {
         &self.noise
     }
 
-    /// Whether it has Gaussian processes of what its physics leaves over: that of a semi-parametric model file.
+    /// Whether it has Gaussian processes of what its physics leaves over: that of a semi-parametric
+    /// model file.
     pub fn learned(&self) -> bool {
         self.rest.is_some()
     }
@@ -112,7 +117,10 @@ impl StreamedModel {
     /// Names of the effects, those of every joint first.
     pub fn effect_names(&self) -> Vec<String> {
         let everywhere = self.set.effects().iter().map(|effect| effect.name());
-        everywhere.chain(self.terms.iter().map(|term| term.effect.name())).map(String::from).collect()
+        everywhere
+            .chain(self.terms.iter().map(|term| term.effect.name()))
+            .map(String::from)
+            .collect()
     }
 }
 
@@ -144,7 +152,8 @@ const MOST_FOR_DEVIATION: usize = 5_000;
 #[derive(Clone, Debug)]
 pub(crate) struct LearnedRest {
     pub joints: Vec<LearnedJoint>,
-    /// The physics as it was identified, for the joints without a process, if there are some and it differs.
+    /// The physics as it was identified, for the joints without a process, if there are some and it
+    /// differs.
     pub identified: Option<StreamedModel>,
     /// None if nobody knows how sure the parameters are.
     pub basis: Option<LearnedBasis>,
@@ -166,7 +175,8 @@ pub(crate) struct LearnedBasis {
     pub independent: Vec<usize>,
     /// `[unknowns, unknowns]`, row-major.
     pub covariance: Vec<f64>,
-    /// Rows of their regressor at the points of each joint's process, `[points, unknowns]`, if they were estimated together.
+    /// Rows of their regressor at the points of each joint's process, `[points, unknowns]`, if they
+    /// were estimated together.
     pub rows: Vec<Option<Vec<f64>>>,
 }
 
@@ -174,8 +184,9 @@ impl LearnedRest {
     /// Whether a standard deviation can be computed; if not, for which joint, and why.
     pub fn check_deviation(&self) -> Result<(), (usize, String)> {
         if !self.knows_parameters {
-            let old = "its file was written by a version that did not keep how sure the parameters are: load it and save it again \
-                       in Python (`sgpr.SemiParametricModel.load`, `save`), or ask for no deviation";
+            let old = "its file was written by a version that did not keep how sure the parameters \
+                 are: load it and save it again in Python (`sgpr.SemiParametricModel.load`, \
+                 `save`), or ask for no deviation";
             return Err((0, old.into()));
         }
         for (joint, learned) in self.joints.iter().enumerate() {
@@ -184,7 +195,8 @@ impl LearnedRest {
                 return Err((
                     joint,
                     format!(
-                        "the deviation of {points} points takes too much memory, at most {MOST_FOR_DEVIATION} are taken: ask for none"
+                        "the deviation of {points} points takes too much memory, at most \
+                         {MOST_FOR_DEVIATION} are taken: ask for none"
                     ),
                 ));
             }

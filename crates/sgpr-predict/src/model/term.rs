@@ -49,15 +49,24 @@ impl Term {
 
 /// Those of the constants of an effect that are times of the session, s.
 #[doc(hidden)]
-pub fn times_of<'a>(effect: &'a dyn Effect, constants: &'a [f64]) -> impl Iterator<Item = f64> + 'a {
-    effect.constants().iter().zip(constants).filter(|(c, _)| c.scale == Scale::Time).map(|(_, time)| *time)
+pub fn times_of<'a>(
+    effect: &'a dyn Effect,
+    constants: &'a [f64],
+) -> impl Iterator<Item = f64> + 'a {
+    effect
+        .constants()
+        .iter()
+        .zip(constants)
+        .filter(|(c, _)| c.scale == Scale::Time)
+        .map(|(_, time)| *time)
 }
 
 impl Term {
     /// A term with these constants, all linear parameters zero.
     pub fn new(effect: Arc<dyn Effect>, site: Site, constants: Vec<f64>) -> Self {
         let (k, m) = (effect.parameters().len(), constants.len());
-        let [coefficients, coefficient_deviations, constant_deviations] = [vec![0.0; k], vec![0.0; k], vec![0.0; m]];
+        let [coefficients, coefficient_deviations, constant_deviations] =
+            [vec![0.0; k], vec![0.0; k], vec![0.0; m]];
         Self { effect, site, constants, coefficients, constant_deviations, coefficient_deviations }
     }
 
@@ -135,8 +144,8 @@ impl TermDescription {
         let effect = effects.iter().find(|effect| effect.name() == self.effect).cloned();
         let unknown = || {
             format!(
-                "it has the effect `{}`, which is not one of the library: give it along (`load_with`; in Python call \
-                 `sgpr.register_effect` first)",
+                "it has the effect `{}`, which is not one of the library: give it along \
+                 (`load_with`; in Python call `sgpr.register_effect` first)",
                 self.effect
             )
         };
@@ -146,7 +155,8 @@ impl TermDescription {
         }
         let (k, m) = (effect.parameters().len(), effect.constants().len());
         let lengths = [&self.coefficients, &self.coefficient_deviations].map(Vec::len);
-        if lengths != [k; 2] || [&self.constants, &self.constant_deviations].map(Vec::len) != [m; 2] {
+        if lengths != [k; 2] || [&self.constants, &self.constant_deviations].map(Vec::len) != [m; 2]
+        {
             return Err(format!("`{}` has another number of parameters", self.effect));
         }
         if self.constants.iter().chain(&self.coefficients).any(|value| !value.is_finite()) {
@@ -157,13 +167,23 @@ impl TermDescription {
             if !(low..=high).contains(value) {
                 let symbol = constant.symbol;
                 return Err(format!(
-                    "the constant `{symbol}` of `{}` is {value:e}, which should be from {low:e} to {high:e}",
+                    "the constant `{symbol}` of `{}` is {value:e}, which should be from {low:e} to \
+                     {high:e}",
                     self.effect
                 ));
             }
         }
-        let Self { site, constants, coefficients, constant_deviations, coefficient_deviations, .. } = self;
-        Ok(Term { effect, site, constants, coefficients, constant_deviations, coefficient_deviations })
+        let Self {
+            site, constants, coefficients, constant_deviations, coefficient_deviations, ..
+        } = self;
+        Ok(Term {
+            effect,
+            site,
+            constants,
+            coefficients,
+            constant_deviations,
+            coefficient_deviations,
+        })
     }
 }
 
@@ -180,8 +200,10 @@ fn usable_range(constant: &Constant) -> [f64; 2] {
         Scale::Torque => [least(SMALLEST_TORQUE), LARGEST_TORQUE],
         Scale::Time => [-LONGEST_TIME, LONGEST_TIME],
         _ => {
-            let low = if constant.low > 0.0 { constant.low / BEYOND } else { constant.low * BEYOND };
-            let high = if constant.high < 0.0 { constant.high / BEYOND } else { constant.high * BEYOND };
+            let low =
+                if constant.low > 0.0 { constant.low / BEYOND } else { constant.low * BEYOND };
+            let high =
+                if constant.high < 0.0 { constant.high / BEYOND } else { constant.high * BEYOND };
             [low, high]
         }
     }

@@ -19,7 +19,9 @@ pub enum OnlineError {
         expected: &'static str,
     },
     /// A link that the robot does not have.
-    #[error("there is no link {link}: the robot has the links 0 to {last}; payloads hang on one of them")]
+    #[error(
+        "there is no link {link}: the robot has the links 0 to {last}; payloads hang on one of them"
+    )]
     NoSuchLink {
         /// Link asked for.
         link: usize,
@@ -60,7 +62,11 @@ impl From<KernelError> for OnlineError {
     }
 }
 
-pub(super) fn require(what: &'static str, values: &[f64], expected: usize) -> Result<(), OnlineError> {
+pub(super) fn require(
+    what: &'static str,
+    values: &[f64],
+    expected: usize,
+) -> Result<(), OnlineError> {
     if values.len() != expected {
         return Err(OnlineError::Length { what, expected, found: values.len() });
     }
@@ -73,6 +79,10 @@ pub(super) fn require(what: &'static str, values: &[f64], expected: usize) -> Re
 pub(super) fn require_positive(option: &'static str, value: f64) -> Result<(), OnlineError> {
     match value > 0.0 && value.is_finite() {
         true => Ok(()),
-        false => Err(OnlineError::InvalidOption { option, value, expected: "a finite number above zero" }),
+        false => Err(OnlineError::InvalidOption {
+            option,
+            value,
+            expected: "a finite number above zero",
+        }),
     }
 }

@@ -7,15 +7,16 @@ use super::error::{require, require_positive};
 #[cfg(not(feature = "std"))]
 use crate::math::Float;
 
-/// The same two low-passes in a row on position and torque, and differences of what comes out: four signals with the
-/// same delay, as a regression needs them. Owns its buffers; an update allocates nothing.
+/// The same two low-passes in a row on position and torque, and differences of what comes out: four
+/// signals with the same delay, as a regression needs them. Owns its buffers; an update allocates
+/// nothing.
 ///
-/// Dry friction jumps when a joint turns, and the filter makes a slope of the jump. The joint turns before its filtered
-/// velocity does, so a joint counts as moving only if it will still do so some time constants ahead, and once the filter
-/// has forgotten the last time it did not.
+/// Dry friction jumps when a joint turns, and the filter makes a slope of the jump. The joint turns
+/// before its filtered velocity does, so a joint counts as moving only if it will still do so some
+/// time constants ahead, and once the filter has forgotten the last time it did not.
 ///
-/// Source: P. C. Young, Parameter estimation for continuous-time models - a survey, Automatica 17(1) (1981), state
-/// variable filters.
+/// Source: P. C. Young, Parameter estimation for continuous-time models - a survey, Automatica
+/// 17(1) (1981), state variable filters.
 #[derive(Clone, Debug)]
 pub struct MotionFilter {
     period: f64,
@@ -52,14 +53,23 @@ impl MotionFilter {
     ///
     /// # Errors
     /// If a number is not positive or the cut-off too high.
-    pub fn new(dof: usize, period: f64, cutoff_hz: f64, standstill_speed: f64) -> Result<Self, OnlineError> {
+    pub fn new(
+        dof: usize,
+        period: f64,
+        cutoff_hz: f64,
+        standstill_speed: f64,
+    ) -> Result<Self, OnlineError> {
         require_positive("period", period)?;
         require_positive("cutoff_hz", cutoff_hz)?;
         require_positive("standstill_speed", standstill_speed)?;
         let omega = core::f64::consts::TAU * cutoff_hz;
         if cutoff_hz * period > 0.1 {
             let expected = "at most a tenth of the sampling rate";
-            return Err(OnlineError::InvalidOption { option: "cutoff_hz", value: cutoff_hz, expected });
+            return Err(OnlineError::InvalidOption {
+                option: "cutoff_hz",
+                value: cutoff_hz,
+                expected,
+            });
         }
         let zeros = vec![0.0; dof];
         Ok(Self {
@@ -120,8 +130,13 @@ impl MotionFilter {
             self.ddq[j] = (after - 2.0 * now + before) / (period * period);
             self.tau[j] = self.stages_tau[n + j];
             let ahead = self.dq[j] + LOOK_AHEAD * period / self.share * self.ddq[j];
-            let slowest = if self.dq[j] * ahead < 0.0 { 0.0 } else { self.dq[j].abs().min(ahead.abs()) };
-            self.since_rest[j] = if slowest < self.standstill_speed { 0 } else { self.since_rest[j].saturating_add(1) };
+            let slowest =
+                if self.dq[j] * ahead < 0.0 { 0.0 } else { self.dq[j].abs().min(ahead.abs()) };
+            self.since_rest[j] = if slowest < self.standstill_speed {
+                0
+            } else {
+                self.since_rest[j].saturating_add(1)
+            };
             self.moving[j] = self.since_rest[j] > self.settling && self.samples > self.settling;
         }
         Ok(())
@@ -192,7 +207,8 @@ mod tests {
         for k in 0..4000 {
             let time = 1e-3 * f64::from(k);
             filter.update(&[(2.0 * time).sin()], &[0.0]).expect("finite");
-            // The true velocity, 2 cos(2 t), at the sample: of the sign of the filtered one wherever the joint counts.
+            // The true velocity, 2 cos(2 t), at the sample: of the sign of the filtered one
+            // wherever the joint counts.
             let turned = filter.dq()[0] * (2.0 * time).cos() < 0.0;
             assert!(!(turned && filter.moving()[0]), "at {time} s");
             counted += u32::from(filter.moving()[0]);
@@ -211,6 +227,9 @@ mod tests {
         }
         assert!(filter.moving()[0]);
         assert!(MotionFilter::new(1, 1e-3, 200.0, 0.01).is_err());
-        assert!(filter.update(&[f64::NAN], &[0.0]).is_err() && filter.update(&[0.0, 0.0], &[0.0]).is_err());
+        assert!(
+            filter.update(&[f64::NAN], &[0.0]).is_err()
+                && filter.update(&[0.0, 0.0], &[0.0]).is_err()
+        );
     }
 }

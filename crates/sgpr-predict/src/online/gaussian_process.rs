@@ -14,10 +14,11 @@ use crate::math::Float;
 pub struct Budget {
     /// Most points.
     pub points: usize,
-    /// A measurement of which the points leave less than this share of the variance unexplained is at a known place. It
-    /// takes the place of the point most like it once that is old (`refresh`), and is left out before: a point that
-    /// followed every measurement would be dragged along, and the ones it passes would stay as they were. Any other
-    /// measurement takes a new place, or that of the oldest point.
+    /// A measurement of which the points leave less than this share of the variance unexplained is
+    /// at a known place. It takes the place of the point most like it once that is old (`refresh`),
+    /// and is left out before: a point that followed every measurement would be dragged along, and
+    /// the ones it passes would stay as they were. Any other measurement takes a new place, or that
+    /// of the oldest point.
     pub novelty: f64,
     /// Measurements after which a point at a known place is old.
     pub refresh: u64,
@@ -35,23 +36,25 @@ impl Budget {
 }
 
 impl Default for Budget {
-    /// 100 points, refreshed after 100 and forgotten after 2000 measurements: 0.1 s and 2 s at 1 kHz.
+    /// 100 points, refreshed after 100 and forgotten after 2000 measurements: 0.1 s and 2 s at 1
+    /// kHz.
     fn default() -> Self {
         Self { points: 100, novelty: 0.03, refresh: 100, memory: 2000 }
     }
 }
 
-/// A Gaussian process with hyperparameters that stay and points that come and go: L of K + noise = L Lᵀ is updated, not
-/// computed again. A point added costs n² operations (one more row), a point removed (n - i)² (the factor of what
-/// stands below it is updated by a matrix of rank one). Owns its buffers and allocates nothing after [`Self::new`].
+/// A Gaussian process with hyperparameters that stay and points that come and go: L of K + noise =
+/// L Lᵀ is updated, not computed again. A point added costs n² operations (one more row), a point
+/// removed (n - i)² (the factor of what stands below it is updated by a matrix of rank one). Owns
+/// its buffers and allocates nothing after [`Self::new`].
 ///
-/// What changes over time is followed: a new measurement replaces an old one at the same place, and points that no
-/// measurement came near are forgotten.
+/// What changes over time is followed: a new measurement replaces an old one at the same place, and
+/// points that no measurement came near are forgotten.
 ///
-/// Source: C. E. Rasmussen, C. K. I. Williams, Gaussian Processes for Machine Learning (2006), algorithm 2.1; P. E. Gill,
-/// G. H. Golub, W. Murray, M. A. Saunders, Methods for modifying matrix factorizations, Math. Comp. 28 (1974), method C1;
-/// D. Nguyen-Tuong, J. Peters, Incremental online sparsification for model learning in real-time robot control,
-/// Neurocomputing 74(11) (2011).
+/// Source: C. E. Rasmussen, C. K. I. Williams, Gaussian Processes for Machine Learning (2006),
+/// algorithm 2.1; P. E. Gill, G. H. Golub, W. Murray, M. A. Saunders, Methods for modifying matrix
+/// factorizations, Math. Comp. 28 (1974), method C1; D. Nguyen-Tuong, J. Peters, Incremental online
+/// sparsification for model learning in real-time robot control, Neurocomputing 74(11) (2011).
 ///
 /// # Examples
 /// ```
@@ -101,7 +104,8 @@ impl OnlineGaussianProcess {
     /// - `noise_variance`: of the measurements, in units of the variance of the kernel
     ///
     /// # Errors
-    /// If the kernel does not fit the inputs, the noise variance is not positive, or the budget is out of range.
+    /// If the kernel does not fit the inputs, the noise variance is not positive, or the budget is
+    /// out of range.
     pub fn new(
         kernel: Kernel,
         inputs: usize,
@@ -114,7 +118,11 @@ impl OnlineGaussianProcess {
         let Budget { points, novelty, .. } = budget;
         if !(1..=MOST_POINTS).contains(&points) {
             let value = points as f64;
-            return Err(OnlineError::InvalidOption { option: "points", value, expected: "between 1 and 2000" });
+            return Err(OnlineError::InvalidOption {
+                option: "points",
+                value,
+                expected: "between 1 and 2000",
+            });
         }
         if !(0.0..=1.0).contains(&novelty) {
             let expected = "a share between 0 and 1";
@@ -192,7 +200,8 @@ impl OnlineGaussianProcess {
         let (n, width) = (self.count, self.budget.points);
         self.factor[n * width..n * width + n].copy_from_slice(&self.work[..n]);
         // Rounding may leave less than the noise, which is there in truth.
-        let pivot = (self.prior_variance + self.noise_variance - explained).max(self.noise_variance);
+        let pivot =
+            (self.prior_variance + self.noise_variance - explained).max(self.noise_variance);
         self.factor[n * width + n] = pivot.sqrt();
         self.x[n * self.inputs..(n + 1) * self.inputs].copy_from_slice(x);
         self.y[n * self.outputs..(n + 1) * self.outputs].copy_from_slice(y);
@@ -237,13 +246,19 @@ impl OnlineGaussianProcess {
     fn set_mean(&mut self) {
         let points = self.budget.points;
         for (mean, weights) in self.mean.iter_mut().zip(self.weights.chunks_exact(points)) {
-            *mean = weights[..self.count].iter().zip(&self.cross).map(|(weight, cross)| weight * cross).sum();
+            *mean = weights[..self.count]
+                .iter()
+                .zip(&self.cross)
+                .map(|(weight, cross)| weight * cross)
+                .sum();
         }
     }
 
     /// k(x, points) into `cross`.
     fn cross_to(&mut self, x: &[f64]) {
-        for (cross, point) in self.cross.iter_mut().zip(self.x[..self.count * self.inputs].chunks_exact(self.inputs)) {
+        for (cross, point) in
+            self.cross.iter_mut().zip(self.x[..self.count * self.inputs].chunks_exact(self.inputs))
+        {
             *cross = self.kernel.value(x, point);
         }
     }

@@ -4,7 +4,9 @@ use alloc::boxed::Box;
 use alloc::vec::Vec;
 
 use super::error::{require, require_positive};
-use super::{Budget, MotionFilter, OnlineError, OnlineGaussianProcess, PayloadOptions, PayloadTracker};
+use super::{
+    Budget, MotionFilter, OnlineError, OnlineGaussianProcess, PayloadOptions, PayloadTracker,
+};
 use crate::control::InverseDynamics;
 use crate::gp::{Kernel, Shape};
 #[cfg(not(feature = "std"))]
@@ -21,7 +23,8 @@ pub struct OnlineOptions {
     pub period: f64,
     /// Cut-off of the filters, Hz.
     pub cutoff_hz: f64,
-    /// Below this speed a joint stands, and its residual says nothing: dry friction holds it, rad/s (m/s).
+    /// Below this speed a joint stands, and its residual says nothing: dry friction holds it, rad/s
+    /// (m/s).
     pub standstill_speed: f64,
     /// The payload, if one is tracked.
     pub payload: Option<PayloadOptions>,
@@ -56,11 +59,11 @@ impl Default for OnlineOptions {
     }
 }
 
-/// tau = model + payload + process: the model as it was identified, the payload and the process as the last samples say.
-/// An update allocates nothing if the model does not.
+/// tau = model + payload + process: the model as it was identified, the payload and the process as
+/// the last samples say. An update allocates nothing if the model does not.
 ///
-/// The process looks at all positions, velocities and accelerations, and learns what model and payload leave over; where
-/// no point is near it says nothing.
+/// The process looks at all positions, velocities and accelerations, and learns what model and
+/// payload leave over; where no point is near it says nothing.
 pub struct OnlineModel {
     model: Box<dyn InverseDynamics>,
     /// The model along the measured motion, where it has a memory.
@@ -76,15 +79,20 @@ pub struct OnlineModel {
 
 impl core::fmt::Debug for OnlineModel {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        f.debug_struct("OnlineModel").field("payload", &self.payload).field("process", &self.process).finish()
+        f.debug_struct("OnlineModel")
+            .field("payload", &self.payload)
+            .field("process", &self.process)
+            .finish()
     }
 }
 
-/// Kernel of a process over x = [q, dq, ddq] of `dof` joints: squared exponential, length scales of 0.3 rad, 0.6 rad/s and
-/// 3 rad/s² times the square root of the number of joints, a variance of one.
+/// Kernel of a process over x = [q, dq, ddq] of `dof` joints: squared exponential, length scales of
+/// 0.3 rad, 0.6 rad/s and 3 rad/s² times the square root of the number of joints, a variance of
+/// one.
 pub fn process_kernel(dof: usize) -> Kernel {
     let root = (dof as f64).sqrt();
-    let scales: Vec<f64> = [0.3, 0.6, 3.0].iter().flat_map(|scale| vec![root * scale; dof]).collect();
+    let scales: Vec<f64> =
+        [0.3, 0.6, 3.0].iter().flat_map(|scale| vec![root * scale; dof]).collect();
     Kernel::ard(Shape::SquaredExponential, &scales)
 }
 
@@ -93,17 +101,30 @@ impl OnlineModel {
     ///
     /// # Errors
     /// If an option has no meaning.
-    pub fn new(robot: &Robot, model: Box<dyn InverseDynamics>, options: &OnlineOptions) -> Result<Self, OnlineError> {
+    pub fn new(
+        robot: &Robot,
+        model: Box<dyn InverseDynamics>,
+        options: &OnlineOptions,
+    ) -> Result<Self, OnlineError> {
         let n = robot.dof();
         require_positive("process_noise", options.process_noise)?;
-        let payload = options.payload.as_ref().map(|payload| PayloadTracker::new(robot, payload)).transpose()?;
-        let process = options
-            .process
-            .map(|budget| OnlineGaussianProcess::new(process_kernel(n), 3 * n, n, options.process_noise, budget));
+        let payload = options
+            .payload
+            .as_ref()
+            .map(|payload| PayloadTracker::new(robot, payload))
+            .transpose()?;
+        let process = options.process.map(|budget| {
+            OnlineGaussianProcess::new(process_kernel(n), 3 * n, n, options.process_noise, budget)
+        });
         Ok(Self {
             model,
             measured: None,
-            filter: MotionFilter::new(n, options.period, options.cutoff_hz, options.standstill_speed)?,
+            filter: MotionFilter::new(
+                n,
+                options.period,
+                options.cutoff_hz,
+                options.standstill_speed,
+            )?,
             period: options.period,
             payload,
             process: process.transpose()?,
@@ -113,23 +134,32 @@ impl OnlineModel {
         })
     }
 
-    /// On top of a model of which friction has a memory, lags or delays: one that follows the measured motion says what is left
-    /// over, and one that follows the motion that is asked for gives the torque.
+    /// On top of a model of which friction has a memory, lags or delays: one that follows the
+    /// measured motion says what is left over, and one that follows the motion that is asked for
+    /// gives the torque.
     ///
     /// - `stream`: purpose of that torque, and effects to keep; the rate is that of the options
     ///
     /// # Errors
     /// If an option has no meaning, or the model cannot be streamed.
-    pub fn of(model: &StreamedModel, stream: &StreamOptions, options: &OnlineOptions) -> Result<Self, OnlineError> {
+    pub fn of(
+        model: &StreamedModel,
+        stream: &StreamOptions,
+        options: &OnlineOptions,
+    ) -> Result<Self, OnlineError> {
         require_positive("period", options.period)?;
         let asked = StreamOptions { rate_hz: Some(1.0 / options.period), ..stream.clone() };
-        let measured = StreamOptions { purpose: Purpose::ExpectedMeasurement, keep: Vec::new(), ..asked.clone() };
+        let measured = StreamOptions {
+            purpose: Purpose::ExpectedMeasurement,
+            keep: Vec::new(),
+            ..asked.clone()
+        };
         let online = Self::new(model.robot(), Box::new(model.predictor(&asked)?), options)?;
         Ok(online.with_measured(Box::new(model.predictor(&measured)?)))
     }
 
-    /// The same with another model that says what is left over: one that is asked for the measured motion only, so that what it
-    /// remembers is of that motion.
+    /// The same with another model that says what is left over: one that is asked for the measured
+    /// motion only, so that what it remembers is of that motion.
     #[must_use]
     pub fn with_measured(mut self, model: Box<dyn InverseDynamics>) -> Self {
         self.measured = Some(model);
@@ -160,9 +190,18 @@ impl OnlineModel {
         if !moving.contains(&true) {
             return Ok(());
         }
-        residual.iter_mut().zip(filter.tau()).for_each(|(residual, tau)| *residual = tau - *residual);
+        residual
+            .iter_mut()
+            .zip(filter.tau())
+            .for_each(|(residual, tau)| *residual = tau - *residual);
         if let Some(payload) = payload {
-            payload.update(self.period, motion, residual, moving, filter.samples_per_independent_sample());
+            payload.update(
+                self.period,
+                motion,
+                residual,
+                moving,
+                filter.samples_per_independent_sample(),
+            );
         }
         let Some(process) = process else { return Ok(()) };
         for (k, part) in motion.into_iter().enumerate() {

@@ -15,7 +15,8 @@ const N: usize = PARAMETERS_PER_LINK;
 /// Square of a residual, in standard deviations, that noise explains.
 const EXPECTED: f64 = 16.0;
 
-/// By how much faster data fade, at most, when a residual is none that the payload of before explains.
+/// By how much faster data fade, at most, when a residual is none that the payload of before
+/// explains.
 const FASTEST: f64 = 10.0;
 
 /// How a payload is tracked.
@@ -51,19 +52,23 @@ impl PayloadOptions {
     }
 }
 
-/// Recursive least squares for the ten inertial parameters of a payload, with a memory that fades towards "none".
+/// Recursive least squares for the ten inertial parameters of a payload, with a memory that fades
+/// towards "none".
 ///
-/// residual = Y_link(q, dq, ddq) payload + noise. What is kept is the triangular factor of the weighted rows. The data
-/// fade exponentially and the prior (no payload, spread as [`PayloadOptions`] says) is put back by as much, so that
-/// directions which the motion does not excite return to the prior instead of drifting. A residual of more than four standard
-/// deviations says that something was picked up or put down: data fade faster then, in proportion to its square, up to
-/// tenfold.
+/// residual = Y_link(q, dq, ddq) payload + noise. What is kept is the triangular factor of the
+/// weighted rows. The data fade exponentially and the prior (no payload, spread as
+/// [`PayloadOptions`] says) is put back by as much, so that directions which the motion does not
+/// excite return to the prior instead of drifting. A residual of more than four standard deviations
+/// says that something was picked up or put down: data fade faster then, in proportion to its
+/// square, up to tenfold.
 ///
-/// Source: J. Kubus, T. Kröger, F. M. Wahl, On-line estimation of inertial parameters using a recursive total least-squares
-/// approach, IEEE/RSJ IROS (2008), for the task; S. Haykin, Adaptive Filter Theory (2002), chapter 14, for the square-root
-/// recursion; R. Kulhavý, Restricted exponential forgetting in real-time identification, Automatica 23(5) (1987), for
-/// forgetting towards a prior; T. R. Fortescue, L. S. Kershenbaum, B. E. Ydstie, Implementation of self-tuning regulators with
-/// variable forgetting factors, Automatica 17(6) (1981), for the memory that follows the residual.
+/// Source: J. Kubus, T. Kröger, F. M. Wahl, On-line estimation of inertial parameters using a
+/// recursive total least-squares approach, IEEE/RSJ IROS (2008), for the task; S. Haykin, Adaptive
+/// Filter Theory (2002), chapter 14, for the square-root recursion; R. Kulhavý, Restricted
+/// exponential forgetting in real-time identification, Automatica 23(5) (1987), for forgetting
+/// towards a prior; T. R. Fortescue, L. S. Kershenbaum, B. E. Ydstie, Implementation of self-tuning
+/// regulators with variable forgetting factors, Automatica 17(6) (1981), for the memory that
+/// follows the residual.
 #[derive(Debug)]
 pub struct PayloadTracker {
     robot: Robot,
@@ -89,14 +94,21 @@ impl PayloadTracker {
         if link >= n {
             return Err(OnlineError::NoSuchLink { link, last: n - 1 });
         }
-        for (option, value) in [("mass", options.mass), ("radius", options.radius), ("memory", options.memory)] {
+        for (option, value) in
+            [("mass", options.mass), ("radius", options.radius), ("memory", options.memory)]
+        {
             require_positive(option, value)?;
         }
         if options.noise.len() != n {
-            return Err(OnlineError::Length { what: "noise", expected: n, found: options.noise.len() });
+            return Err(OnlineError::Length {
+                what: "noise",
+                expected: n,
+                found: options.noise.len(),
+            });
         }
         options.noise.iter().try_for_each(|noise| require_positive("noise", *noise))?;
-        let (moment, inertia) = (options.mass * options.radius, options.mass * options.radius * options.radius);
+        let (moment, inertia) =
+            (options.mass * options.radius, options.mass * options.radius * options.radius);
         let prior: [f64; N] = core::array::from_fn(|k| match k {
             0 => options.mass,
             1..4 => moment,
@@ -125,7 +137,14 @@ impl PayloadTracker {
     ///
     /// # Panics
     /// If a slice is not of length n.
-    pub fn update(&mut self, period: f64, [q, dq, ddq]: [&[f64]; 3], residual: &[f64], counted: &[bool], repeats: f64) {
+    pub fn update(
+        &mut self,
+        period: f64,
+        [q, dq, ddq]: [&[f64]; 3],
+        residual: &[f64],
+        counted: &[bool],
+        repeats: f64,
+    ) {
         let n = self.robot.dof();
         assert!(residual.len() == n && counted.len() == n, "one residual per joint");
         let matrix = regressor(&self.robot, &mut self.ws, q, dq, ddq);
@@ -194,7 +213,11 @@ impl PayloadTracker {
         let matrix = regressor(&self.robot, &mut self.ws, q, dq, ddq);
         for (j, tau) in tau.iter_mut().enumerate() {
             let start = j * n * N + self.link * N;
-            *tau += matrix[start..start + N].iter().zip(&self.parameters).map(|(y, p)| y * p).sum::<f64>();
+            *tau += matrix[start..start + N]
+                .iter()
+                .zip(&self.parameters)
+                .map(|(y, p)| y * p)
+                .sum::<f64>();
         }
     }
 }

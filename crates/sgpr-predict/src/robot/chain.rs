@@ -16,8 +16,8 @@ pub struct Chain<C = f64> {
     pub(super) paths: Vec<Vec<usize>>,
 }
 
-/// A joint and the link that it carries. A joint's rotation is R(q) = constant + sin(q) sine + cos(q) cosine, with the
-/// placement multiplied in.
+/// A joint and the link that it carries. A joint's rotation is R(q) = constant + sin(q) sine +
+/// cos(q) cosine, with the placement multiplied in.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Member<C = f64> {
     pub parent: Option<usize>,
@@ -42,7 +42,8 @@ impl Member {
         let placement = joint.placement.rotation;
         let is_rotation = joint.kind.is_rotation();
         let along = Matrix3::outer(joint.axis, joint.axis);
-        let turning = |matrix: Matrix3<f64>| if is_rotation { placement * matrix } else { Matrix3::ZERO };
+        let turning =
+            |matrix: Matrix3<f64>| if is_rotation { placement * matrix } else { Matrix3::ZERO };
         Self {
             parent: joint.parent,
             is_rotation,

@@ -98,7 +98,8 @@ impl TryFrom<RobotDescription> for Robot {
 
     fn try_from(description: RobotDescription) -> Result<Self, RobotError> {
         let RobotDescription { name, gravity, joints, frames, notes } = description;
-        let links = joints.iter().map(|joint| LinkInertia::from_standard_parameters(&joint.link)).collect();
+        let links =
+            joints.iter().map(|joint| LinkInertia::from_standard_parameters(&joint.link)).collect();
         let joints = joints.into_iter().map(|joint| Joint {
             name: joint.name,
             kind: joint.kind,
@@ -109,8 +110,12 @@ impl TryFrom<RobotDescription> for Robot {
             damping: joint.damping,
             friction: joint.friction,
         });
-        let frames =
-            frames.into_iter().map(|frame| Frame { name: frame.name, joint: frame.joint, pose: frame.pose.into() });
-        Ok(Self::new(name, joints.collect(), links, frames.collect(), gravity.into())?.with_notes(notes))
+        let frames = frames.into_iter().map(|frame| Frame {
+            name: frame.name,
+            joint: frame.joint,
+            pose: frame.pose.into(),
+        });
+        Ok(Self::new(name, joints.collect(), links, frames.collect(), gravity.into())?
+            .with_notes(notes))
     }
 }

@@ -19,8 +19,8 @@ pub enum DhConvention {
 
 /// One row of the table: a joint and its link.
 ///
-/// Mass, centre of mass and inertia are given in the DH frame of the row, the inertia about the centre of mass, as
-/// published tables do.
+/// Mass, centre of mass and inertia are given in the DH frame of the row, the inertia about the
+/// centre of mass, as published tables do.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct DhRow {
@@ -81,33 +81,46 @@ impl DhRow {
 
     /// The row with this body.
     #[must_use]
-    pub fn with_body(mut self, mass: f64, centre_of_mass: [f64; 3], inertia: [[f64; 3]; 3]) -> Self {
+    pub fn with_body(
+        mut self,
+        mass: f64,
+        centre_of_mass: [f64; 3],
+        inertia: [[f64; 3]; 3],
+    ) -> Self {
         (self.mass, self.centre_of_mass, self.inertia) = (mass, centre_of_mass, inertia);
         self
     }
 
     /// Rx(alpha) Tx(a); rotation and translation share the axis and commute.
     fn along_x(&self) -> Pose {
-        Pose::new(Matrix3::rotation(Vector3::new(1.0, 0.0, 0.0), self.alpha), Vector3::new(self.a, 0.0, 0.0))
+        Pose::new(
+            Matrix3::rotation(Vector3::new(1.0, 0.0, 0.0), self.alpha),
+            Vector3::new(self.a, 0.0, 0.0),
+        )
     }
 
     /// Rz(theta) Tz(d) without the joint's own motion.
     fn along_z(&self) -> Pose {
-        Pose::new(Matrix3::rotation(Vector3::new(0.0, 0.0, 1.0), self.theta), Vector3::new(0.0, 0.0, self.d))
+        Pose::new(
+            Matrix3::rotation(Vector3::new(0.0, 0.0, 1.0), self.theta),
+            Vector3::new(0.0, 0.0, self.d),
+        )
     }
 }
 
 impl Robot {
     /// A serial robot from its DH table.
     ///
-    /// Joint axes are the z axes. The link frame of this crate is the joint frame: for [`DhConvention::Modified`] the
-    /// DH frame of the row, for [`DhConvention::Standard`] the frame before `Tz(d) Tx(a) Rx(alpha)`; use
-    /// [`DhConvention::link_frame`] to convert parameters. A frame `tool` marks the last DH frame.
+    /// Joint axes are the z axes. The link frame of this crate is the joint frame: for
+    /// [`DhConvention::Modified`] the DH frame of the row, for [`DhConvention::Standard`] the frame
+    /// before `Tz(d) Tx(a) Rx(alpha)`; use [`DhConvention::link_frame`] to convert parameters. A
+    /// frame `tool` marks the last DH frame.
     ///
     /// `names` are the joints' names; `joint_1`, `joint_2`, ... if `None`.
     ///
     /// # Errors
-    /// If the table is empty or a number is not finite, a mass negative, or `names` has another length.
+    /// If the table is empty or a number is not finite, a mass negative, or `names` has another
+    /// length.
     pub fn from_dh(
         name: &str,
         convention: DhConvention,
@@ -129,9 +142,11 @@ impl Robot {
                 }
                 DhConvention::Modified => row.along_x() * row.along_z(),
             };
-            let joint_name = names.map_or_else(|| format!("joint_{}", index + 1), |names| names[index].clone());
+            let joint_name =
+                names.map_or_else(|| format!("joint_{}", index + 1), |names| names[index].clone());
             let centre = Vector3::from(row.centre_of_mass);
-            let body = LinkInertia::from_centre_of_mass(row.mass, centre, Matrix3::from_rows(row.inertia));
+            let body =
+                LinkInertia::from_centre_of_mass(row.mass, centre, Matrix3::from_rows(row.inertia));
             let link_frame = convention.link_frame(row);
             joints.push(Joint {
                 name: joint_name,
@@ -146,13 +161,15 @@ impl Robot {
             links.push(body.expressed_in(&link_frame));
             end_of_row = link_frame;
         }
-        let tool = Frame { name: "tool".into(), joint: rows.len().checked_sub(1), pose: end_of_row };
+        let tool =
+            Frame { name: "tool".into(), joint: rows.len().checked_sub(1), pose: end_of_row };
         Self::new(name, joints, links, vec![tool], gravity)
     }
 }
 
 impl DhConvention {
-    /// Pose of the row's DH frame in the link frame of this crate; express a body given in the DH frame with it.
+    /// Pose of the row's DH frame in the link frame of this crate; express a body given in the DH
+    /// frame with it.
     pub fn link_frame(self, row: &DhRow) -> Pose {
         match self {
             Self::Standard => Pose::from_translation(Vector3::new(0.0, 0.0, row.d)) * row.along_x(),

@@ -67,7 +67,10 @@ pub enum RobotError {
         link: String,
     },
     /// Two joints carry one link.
-    #[error("the link `{link}` is carried by the joints `{first}` and `{second}`: closed chains are not supported")]
+    #[error(
+        "the link `{link}` is carried by the joints `{first}` and `{second}`: closed chains are \
+         not supported"
+    )]
     TwoParents {
         /// Link.
         link: String,
@@ -89,7 +92,9 @@ pub enum RobotError {
         roots: Vec<String>,
     },
     /// A joint type that moves in more than one direction.
-    #[error("joint `{joint}` is {kind}; revolute, continuous, prismatic and fixed joints are supported")]
+    #[error(
+        "joint `{joint}` is {kind}; revolute, continuous, prismatic and fixed joints are supported"
+    )]
     UnsupportedJoint {
         /// Joint.
         joint: String,
@@ -137,7 +142,10 @@ pub enum RobotError {
         name: String,
     },
     /// A requested joint that is not there.
-    #[error("the robot `{robot}` has no joint `{joint}`; its movable joints are {}", quoted(movable))]
+    #[error(
+        "the robot `{robot}` has no joint `{joint}`; its movable joints are {}",
+        quoted(movable)
+    )]
     UnknownJoint {
         /// Robot.
         robot: String,
@@ -158,7 +166,8 @@ pub enum RobotError {
     },
     /// A joint in both lists.
     #[error(
-        "joint `{joint}` is to move and to be locked, which it cannot both: take it out of `joints` or of `locked`"
+        "joint `{joint}` is to move and to be locked, which it cannot both: take it out of \
+         `joints` or of `locked`"
     )]
     LockedAndMoving {
         /// Requested joint.
@@ -186,8 +195,9 @@ pub enum RobotError {
     },
     /// Parameters that no body has cannot be written to a file of bodies.
     #[error(
-        "the link of `{link}` (mass {mass} kg, smallest eigenvalue of its pseudo-inertia {eigenvalue:.3e}) is no body: \
-         identify with physical consistency before writing a robot file"
+        "the link of `{link}` (mass {mass} kg, smallest eigenvalue of its pseudo-inertia \
+         {eigenvalue:.3e}) is no body: identify with physical consistency before writing a robot \
+         file"
     )]
     NotABody {
         /// Link or joint.
@@ -214,7 +224,10 @@ pub enum RobotError {
         found: usize,
     },
     /// More joints than any arm has.
-    #[error("{found} movable joints are too many (at most {limit}): list those that move (joints) and lock the others")]
+    #[error(
+        "{found} movable joints are too many (at most {limit}): list those that move (joints) and \
+         lock the others"
+    )]
     TooManyJoints {
         /// Joints.
         found: usize,
@@ -222,7 +235,10 @@ pub enum RobotError {
         limit: usize,
     },
     /// A frame on a joint that is not there.
-    #[error("the frame `{frame}` is on joint number {joint}, counted from zero, but there are {joints} joints")]
+    #[error(
+        "the frame `{frame}` is on joint number {joint}, counted from zero, but there are {joints} \
+         joints"
+    )]
     FrameOnNoJoint {
         /// Frame.
         frame: String,

@@ -6,15 +6,17 @@ use super::Robot;
 use super::description::RobotDescription;
 
 impl Robot {
-    /// A number that robots share whose joints, links, limits and gravity are the same, and only those; name, frames and
-    /// notes do not count. 128 bits, hexadecimal.
+    /// A number that robots share whose joints, links, limits and gravity are the same, and only
+    /// those; name, frames and notes do not count. 128 bits, hexadecimal.
     ///
-    /// Source: G. Fowler, L. C. Noll, K.-P. Vo, the FNV-1a hash; it finds differences, it keeps nobody out.
+    /// Source: G. Fowler, L. C. Noll, K.-P. Vo, the FNV-1a hash; it finds differences, it keeps
+    /// nobody out.
     pub fn fingerprint(&self) -> String {
         const PRIME: u128 = 0x0000_0000_0100_0000_0000_0000_0000_013b;
         const OFFSET: u128 = 0x6c62_272e_07bb_0142_62b8_2175_6295_c58d;
         let text = RobotDescription::from(self.clone()).dynamics_json();
-        let hash = text.bytes().fold(OFFSET, |hash, byte| (hash ^ u128::from(byte)).wrapping_mul(PRIME));
+        let hash =
+            text.bytes().fold(OFFSET, |hash, byte| (hash ^ u128::from(byte)).wrapping_mul(PRIME));
         format!("{hash:032x}")
     }
 }

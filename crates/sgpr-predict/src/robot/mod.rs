@@ -1,8 +1,9 @@
 //! The robot: joints, links, limits. Immutable; computations keep their state in a
 //! [`Workspace`](crate::dynamics::Workspace).
 //!
-//! A [`Robot`] comes from a URDF file (`Robot::from_urdf`, with the feature `files`), from a Denavit-Hartenberg table
-//! ([`Robot::from_dh`]) or ready-made ([`puma560`], [`two_link`]). Conventions are in `docs/conventions.md`.
+//! A [`Robot`] comes from a URDF file (`Robot::from_urdf`, with the feature `files`), from a
+//! Denavit-Hartenberg table ([`Robot::from_dh`]) or ready-made ([`puma560`], [`two_link`]).
+//! Conventions are in `docs/conventions.md`.
 
 mod chain;
 mod description;
@@ -34,13 +35,15 @@ pub use write::JointDynamics;
 
 #[cfg(not(feature = "std"))]
 use crate::math::Float;
-use crate::spatial::{LinkInertia, Matrix3, PARAMETERS_PER_LINK, Pose, STANDARD_PARAMETER_NAMES, Vector3};
+use crate::spatial::{
+    LinkInertia, Matrix3, PARAMETERS_PER_LINK, Pose, STANDARD_PARAMETER_NAMES, Vector3,
+};
 
 /// Gravity that a robot has unless told otherwise, m/s², base axes.
 pub const STANDARD_GRAVITY: Vector3<f64> = Vector3::new(0.0, 0.0, -9.81);
 
-/// Largest length, mass, inertia, friction, gravity or limit in SI units: no arm comes near, and products of such numbers
-/// stay finite.
+/// Largest length, mass, inertia, friction, gravity or limit in SI units: no arm comes near, and
+/// products of such numbers stay finite.
 pub const LARGEST_VALUE: f64 = 1e9;
 
 /// Most movable joints of a robot: several arms with hands have fewer.
@@ -96,8 +99,8 @@ impl Limits {
 }
 
 impl Limits {
-    /// The same limits, with those that limit nothing left out: infinite ones, those that stand for them (1e10, 1e308), and
-    /// none.
+    /// The same limits, with those that limit nothing left out: infinite ones, those that stand for
+    /// them (1e10, 1e308), and none.
     fn finite(self) -> Self {
         let finite = |value: &f64| value.abs() <= LARGEST_VALUE;
         Self {
@@ -172,8 +175,8 @@ pub struct Frame {
 
 /// A robot arm (a tree of rigid links) on a fixed base.
 ///
-/// Joint `i` carries link `i`, whose frame moves with the joint and coincides with the joint frame at position zero.
-/// Parents come before children.
+/// Joint `i` carries link `i`, whose frame moves with the joint and coincides with the joint frame
+/// at position zero. Parents come before children.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "description::RobotDescription", into = "description::RobotDescription")]
 pub struct Robot {
@@ -194,9 +197,9 @@ impl Robot {
     /// A robot from its parts; `links[i]` is carried by `joints[i]`.
     ///
     /// # Errors
-    /// If there is no joint, a joint's parent does not come before it, an axis has no direction, a number is not
-    /// finite, a mass is negative, an inertia is not
-    /// symmetric, a name occurs twice, a frame is on no joint, or there are more than a hundred joints.
+    /// If there is no joint, a joint's parent does not come before it, an axis has no direction, a
+    /// number is not finite, a mass is negative, an inertia is not symmetric, a name occurs twice,
+    /// a frame is on no joint, or there are more than a hundred joints.
     pub fn new(
         name: impl Into<String>,
         mut joints: Vec<Joint>,
@@ -217,7 +220,11 @@ impl Robot {
         for frame in &frames {
             require_finite_pose(&frame.name, &frame.pose)?;
             if let Some(joint) = frame.joint.filter(|joint| *joint >= joints.len()) {
-                return Err(RobotError::FrameOnNoJoint { frame: frame.name.clone(), joint, joints: joints.len() });
+                return Err(RobotError::FrameOnNoJoint {
+                    frame: frame.name.clone(),
+                    joint,
+                    joints: joints.len(),
+                });
             }
         }
         let mut paths: Vec<Vec<usize>> = Vec::with_capacity(joints.len());
@@ -247,13 +254,16 @@ impl Robot {
             if !is_symmetric(&link.inertia) {
                 return Err(RobotError::AsymmetricInertia { link: joint.name.clone() });
             }
-            // Turning an inertia leaves its two triangles different by rounding; ten numbers describe a link.
+            // Turning an inertia leaves its two triangles different by rounding; ten numbers
+            // describe a link.
             *link = LinkInertia::from_standard_parameters(&link.standard_parameters());
         }
         require_plausible("gravity", &gravity.to_array())?;
         let n = joints.len();
-        let zero_blocks = (0..n * n).filter(|block| !paths[block % n].contains(&(block / n))).collect();
-        let members = joints.iter().zip(&links).map(|(joint, link)| Member::new(joint, *link)).collect();
+        let zero_blocks =
+            (0..n * n).filter(|block| !paths[block % n].contains(&(block / n))).collect();
+        let members =
+            joints.iter().zip(&links).map(|(joint, link)| Member::new(joint, *link)).collect();
         let chain = Chain { members, minus_g: -gravity, paths };
         Ok(Self { name, joints, links, frames, gravity, notes: Vec::new(), chain, zero_blocks })
     }
@@ -268,13 +278,16 @@ impl Robot {
         self.joints.len()
     }
 
-    /// Length of the stretched arm between the frames of its first and its last joint, m; infinite for a single joint.
+    /// Length of the stretched arm between the frames of its first and its last joint, m; infinite
+    /// for a single joint.
     pub fn length(&self) -> f64 {
         let travel = |joint: &Joint| match (joint.kind, joint.limits.position) {
             (JointKind::Prismatic, Some([low, high])) => low.abs().max(high.abs()),
             _ => 0.0,
         };
-        let from_parent = |joint: &Joint| joint.parent.map(|_| joint.placement.translation.norm() + travel(joint));
+        let from_parent = |joint: &Joint| {
+            joint.parent.map(|_| joint.placement.translation.norm() + travel(joint))
+        };
         let length: f64 = self.joints.iter().filter_map(from_parent).sum();
         if length > 0.0 { length } else { f64::INFINITY }
     }
@@ -309,9 +322,11 @@ impl Robot {
     /// # Errors
     /// If there is none; the message lists those that exist.
     pub fn frame(&self, name: &str) -> Result<&Frame, RobotError> {
-        self.frames.iter().find(|frame| frame.name == name).ok_or_else(|| RobotError::UnknownFrame {
-            frame: name.into(),
-            known: self.frames.iter().map(|frame| frame.name.clone()).collect(),
+        self.frames.iter().find(|frame| frame.name == name).ok_or_else(|| {
+            RobotError::UnknownFrame {
+                frame: name.into(),
+                known: self.frames.iter().map(|frame| frame.name.clone()).collect(),
+            }
         })
     }
 
@@ -340,8 +355,8 @@ impl Robot {
         self
     }
 
-    /// The ten parameters of every link, `[10 n]`: m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz about the link frame's
-    /// origin, links in joint order.
+    /// The ten parameters of every link, `[10 n]`: m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz
+    /// about the link frame's origin, links in joint order.
     pub fn standard_parameters(&self) -> Vec<f64> {
         self.links.iter().flat_map(LinkInertia::standard_parameters).collect()
     }
@@ -359,7 +374,8 @@ impl Robot {
         self
     }
 
-    /// The same kinematics with other inertias. Any values are allowed, also identified ones that no single body has.
+    /// The same kinematics with other inertias. Any values are allowed, also identified ones that
+    /// no single body has.
     ///
     /// # Panics
     /// If `parameters` is not of length `10 n`.
@@ -367,7 +383,9 @@ impl Robot {
     pub fn with_standard_parameters(mut self, parameters: &[f64]) -> Self {
         assert_eq!(parameters.len(), PARAMETERS_PER_LINK * self.dof(), "ten parameters per joint");
         let members = self.chain.members.iter_mut();
-        for ((link, member), values) in self.links.iter_mut().zip(members).zip(parameters.as_chunks().0) {
+        for ((link, member), values) in
+            self.links.iter_mut().zip(members).zip(parameters.as_chunks().0)
+        {
             *link = LinkInertia::from_standard_parameters(values);
             member.link = *link;
         }
@@ -410,8 +428,8 @@ impl Robot {
         &self.zero_blocks
     }
 
-    /// The same robot without the rounding errors of right angles: entries of rotations that are zero or one but for
-    /// them are so.
+    /// The same robot without the rounding errors of right angles: entries of rotations that are
+    /// zero or one but for them are so.
     #[doc(hidden)]
     pub fn with_exact_right_angles(mut self) -> Self {
         let exact = |x: f64| if (x - x.round()).abs() < 1e-15 { x.round() } else { x };
@@ -419,7 +437,9 @@ impl Robot {
             let rows = joint.placement.rotation.to_rows();
             joint.placement.rotation = Matrix3::from_rows(rows.map(|row| row.map(exact)));
         }
-        for ((member, joint), link) in self.chain.members.iter_mut().zip(&self.joints).zip(&self.links) {
+        for ((member, joint), link) in
+            self.chain.members.iter_mut().zip(&self.joints).zip(&self.links)
+        {
             *member = Member::new(joint, *link);
         }
         self
@@ -432,22 +452,27 @@ impl Robot {
     }
 
     #[cfg(feature = "files")]
-    /// What a careful reader would want to know about this robot: joints that the file lets follow others and that stand
-    /// here, links without mass at the tip, inertias that no body can have.
+    /// What a careful reader would want to know about this robot: joints that the file lets follow
+    /// others and that stand here, links without mass at the tip, inertias that no body can have.
     pub fn warnings(&self) -> Vec<String> {
         let mut warnings = self.notes.clone();
         for (index, (joint, link)) in self.joints.iter().zip(&self.links).enumerate() {
             let is_leaf = !self.joints.iter().any(|other| other.parent == Some(index));
             if is_leaf && link.mass == 0.0 {
                 warnings.push(format!(
-                    "the link of `{}` has no mass and carries nothing: forward dynamics needs a rotor inertia there",
+                    "the link of `{}` has no mass and carries nothing: forward dynamics needs a \
+                     rotor inertia there",
                     joint.name
                 ));
             }
-            let scale = link.mass + link.inertia.get(0, 0) + link.inertia.get(1, 1) + link.inertia.get(2, 2);
+            let scale = link.mass
+                + link.inertia.get(0, 0)
+                + link.inertia.get(1, 1)
+                + link.inertia.get(2, 2);
             if link.smallest_pseudo_inertia_eigenvalue() < -1e-9 * scale {
                 warnings.push(format!(
-                    "the inertia of the link of `{}` belongs to no real body (it breaks the triangle inequality)",
+                    "the inertia of the link of `{}` belongs to no real body (it breaks the \
+                     triangle inequality)",
                     joint.name
                 ));
             }
@@ -461,7 +486,8 @@ fn unit_axis(joint: &str, axis: Vector3<f64>) -> Result<Vector3<f64>, RobotError
     if !norm.is_finite() || norm < 1e-9 {
         return Err(RobotError::ZeroAxis { joint: joint.into() });
     }
-    // What is a unit vector to rounding stays as it is, so that a robot read back is the same to the bit.
+    // What is a unit vector to rounding stays as it is, so that a robot read back is the same to
+    // the bit.
     if (norm - 1.0).abs() <= 4.0 * f64::EPSILON {
         return Ok(axis);
     }
@@ -471,7 +497,9 @@ fn unit_axis(joint: &str, axis: Vector3<f64>) -> Result<Vector3<f64>, RobotError
 fn is_symmetric(inertia: &Matrix3<f64>) -> bool {
     let scale: f64 = (0..3).map(|k| inertia.get(k, k).abs()).sum();
     let pairs = [(0, 1), (0, 2), (1, 2)];
-    pairs.iter().all(|&(row, column)| (inertia.get(row, column) - inertia.get(column, row)).abs() <= 1e-9 * scale)
+    pairs.iter().all(|&(row, column)| {
+        (inertia.get(row, column) - inertia.get(column, row)).abs() <= 1e-9 * scale
+    })
 }
 
 fn require_finite_pose(element: &str, pose: &Pose) -> Result<(), RobotError> {

@@ -12,7 +12,8 @@ use crate::spatial::{LinkInertia, Matrix3, Pose, Vector3};
 /// Larger files are not robot descriptions (meshes live in files of their own).
 const LARGEST_FILE: u64 = 64 << 20;
 
-/// Elements inside of elements; a URDF has some ten. The parser calls itself for each and would use up the stack.
+/// Elements inside of elements; a URDF has some ten. The parser calls itself for each and would use
+/// up the stack.
 const DEEPEST_ELEMENT: usize = 100;
 
 /// Most attributes of an element: the XML reader compares each with all before it.
@@ -22,7 +23,8 @@ const MOST_ATTRIBUTES: usize = 100;
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct UrdfOptions {
-    /// Joints that move, base to tip; all movable ones that are not in `locked` if `None`. The others are locked.
+    /// Joints that move, base to tip; all movable ones that are not in `locked` if `None`. The
+    /// others are locked.
     pub joints: Option<Vec<String>>,
     /// Position (rad, m) of locked joints; zero for those that are locked and not named.
     pub locked: HashMap<String, f64>,
@@ -47,14 +49,15 @@ impl Default for UrdfOptions {
 impl Robot {
     /// Reads a URDF file.
     ///
-    /// Links behind fixed or locked joints are merged into the link that carries them, with their inertia; what is
-    /// rigidly attached to the base does not count. Every URDF link becomes a [`Frame`]. `<dynamics>` is kept in the
-    /// joint and does not enter the rigid-body dynamics. A joint that mimics another is locked unless `joints` names it, and
-    /// [`Robot::warnings`] says so.
+    /// Links behind fixed or locked joints are merged into the link that carries them, with their
+    /// inertia; what is rigidly attached to the base does not count. Every URDF link becomes a
+    /// [`Frame`]. `<dynamics>` is kept in the joint and does not enter the rigid-body dynamics. A
+    /// joint that mimics another is locked unless `joints` names it, and [`Robot::warnings`] says
+    /// so.
     ///
     /// # Errors
-    /// If the file is not a URDF, is not a tree, has joints of unsupported type or numbers that cannot be, or if
-    /// `options` names a joint that it lacks.
+    /// If the file is not a URDF, is not a tree, has joints of unsupported type or numbers that
+    /// cannot be, or if `options` names a joint that it lacks.
     ///
     /// # Examples
     /// ```no_run
@@ -68,11 +71,14 @@ impl Robot {
         let name = path.display().to_string();
         let unreadable = |source| RobotError::Unreadable { path: name.clone(), source };
         let content = crate::limited_file::read(path, LARGEST_FILE).map_err(unreadable)?;
-        let too_large = |bytes| RobotError::TooLarge { path: name.clone(), bytes, limit: LARGEST_FILE };
-        let text = String::from_utf8(content.map_err(too_large)?).map_err(|_| RobotError::Malformed {
-            path: name.clone(),
-            message: "it is not text in UTF-8; save it as that if it is a robot description".into(),
-        })?;
+        let too_large =
+            |bytes| RobotError::TooLarge { path: name.clone(), bytes, limit: LARGEST_FILE };
+        let text =
+            String::from_utf8(content.map_err(too_large)?).map_err(|_| RobotError::Malformed {
+                path: name.clone(),
+                message: "it is not text in UTF-8; save it as that if it is a robot description"
+                    .into(),
+            })?;
         Self::from_urdf_text(&text, &name, options)
     }
 
@@ -80,20 +86,27 @@ impl Robot {
     ///
     /// # Errors
     /// As [`Robot::from_urdf`].
-    pub fn from_urdf_text(text: &str, origin: &str, options: &UrdfOptions) -> Result<Self, RobotError> {
+    pub fn from_urdf_text(
+        text: &str,
+        origin: &str,
+        options: &UrdfOptions,
+    ) -> Result<Self, RobotError> {
         if is_xacro(text) {
             return Err(RobotError::Xacro { path: origin.into() });
         }
         let malformed = |message: String| RobotError::Malformed { path: origin.into(), message };
         require_robot(text).map_err(malformed)?;
         let urdf = urdf_rs::read_from_string(text).map_err(|error| {
-            malformed(first_fault(text).unwrap_or_else(|| error.to_string().replace("custom: ", "")))
+            malformed(
+                first_fault(text).unwrap_or_else(|| error.to_string().replace("custom: ", "")),
+            )
         })?;
         let build = || {
             let tree = Tree::new(&urdf)?;
             tree.merge(&tree.choose(options)?, options)
         };
-        build().map_err(|source| RobotError::InFile { path: origin.into(), source: Box::new(source) })
+        build()
+            .map_err(|source| RobotError::InFile { path: origin.into(), source: Box::new(source) })
     }
 }
 
@@ -110,8 +123,9 @@ fn is_xacro(text: &str) -> bool {
     }
 }
 
-/// The body that each URDF link gets when `robot` is written back: that of the moving link for the link that a moving joint
-/// carries, none for the links fixed to it; links that keep theirs are not in the map.
+/// The body that each URDF link gets when `robot` is written back: that of the moving link for the
+/// link that a moving joint carries, none for the links fixed to it; links that keep theirs are not
+/// in the map.
 pub(super) fn inertias_at_urdf_links(
     robot: &Robot,
     text: &str,
@@ -126,8 +140,10 @@ pub(super) fn inertias_at_urdf_links(
             message: format!("its moving joints are not those of the robot, {}", moving.join(", ")),
         });
     }
-    let urdf = urdf_rs::read_from_string(text)
-        .map_err(|error| RobotError::Malformed { path: origin.into(), message: error.to_string() })?;
+    let urdf = urdf_rs::read_from_string(text).map_err(|error| RobotError::Malformed {
+        path: origin.into(),
+        message: error.to_string(),
+    })?;
     let tree = Tree::new(&urdf)?;
     let mut bodies: HashMap<String, Option<LinkInertia>> = HashMap::new();
     let mut carried = robot.links().to_vec();
@@ -139,12 +155,14 @@ pub(super) fn inertias_at_urdf_links(
         if robot.joint_index(&joint.name).is_some() {
             continue;
         }
-        let locked = joint.joint_type != JointType::Fixed || behind_locked.contains(joint.parent.link.as_str());
+        let locked = joint.joint_type != JointType::Fixed
+            || behind_locked.contains(joint.parent.link.as_str());
         let frame = read.frame(child)?;
         let Some(body) = frame.joint else { continue };
         if locked {
             behind_locked.insert(child);
-            carried[body] = carried[body].minus(link_inertia(child, inertials[child])?.expressed_in(&frame.pose));
+            carried[body] = carried[body]
+                .minus(link_inertia(child, inertials[child])?.expressed_in(&frame.pose));
         } else {
             bodies.insert(child.into(), None);
         }
@@ -175,11 +193,16 @@ impl<'a> Tree<'a> {
             urdf.links.iter().map(|link| (link.name.as_str(), None)).collect();
         let mut children: HashMap<&str, Vec<usize>> = HashMap::new();
         for (index, joint) in urdf.joints.iter().enumerate() {
-            let unknown = |link: &str| RobotError::UnknownLink { joint: joint.name.clone(), link: link.into() };
+            let unknown = |link: &str| RobotError::UnknownLink {
+                joint: joint.name.clone(),
+                link: link.into(),
+            };
             if !carrier.contains_key(joint.parent.link.as_str()) {
                 return Err(unknown(&joint.parent.link));
             }
-            let carried_by = carrier.get_mut(joint.child.link.as_str()).ok_or_else(|| unknown(&joint.child.link))?;
+            let carried_by = carrier
+                .get_mut(joint.child.link.as_str())
+                .ok_or_else(|| unknown(&joint.child.link))?;
             if let Some(first) = carried_by.replace(&joint.name) {
                 return Err(RobotError::TwoParents {
                     link: joint.child.link.clone(),
@@ -194,25 +217,34 @@ impl<'a> Tree<'a> {
         let roots: Vec<&str> = links().filter(|link| carrier[link].is_none()).collect();
         let root = match roots[..] {
             [root] => root,
-            [] if urdf.links.is_empty() => return Err(RobotError::NoMovableJoint { robot: urdf.name.clone() }),
+            [] if urdf.links.is_empty() => {
+                return Err(RobotError::NoMovableJoint { robot: urdf.name.clone() });
+            }
             [] => {
                 return Err(RobotError::Cycle { links: links().map(String::from).collect() });
             }
             _ => {
-                return Err(RobotError::SeveralRoots { roots: roots.into_iter().map(String::from).collect() });
+                return Err(RobotError::SeveralRoots {
+                    roots: roots.into_iter().map(String::from).collect(),
+                });
             }
         };
 
         let mut order = Vec::with_capacity(urdf.joints.len());
-        let mut pending: Vec<usize> = children.get(root).into_iter().flatten().rev().copied().collect();
+        let mut pending: Vec<usize> =
+            children.get(root).into_iter().flatten().rev().copied().collect();
         while let Some(index) = pending.pop() {
             order.push(index);
             let child = urdf.joints[index].child.link.as_str();
             pending.extend(children.get(child).into_iter().flatten().rev());
         }
         if order.len() < urdf.joints.len() {
-            let reached: HashSet<&str> = order.iter().map(|&index| urdf.joints[index].child.link.as_str()).collect();
-            let links = links().filter(|link| *link != root && !reached.contains(link)).map(String::from).collect();
+            let reached: HashSet<&str> =
+                order.iter().map(|&index| urdf.joints[index].child.link.as_str()).collect();
+            let links = links()
+                .filter(|link| *link != root && !reached.contains(link))
+                .map(String::from)
+                .collect();
             return Err(RobotError::Cycle { links });
         }
         Ok(Self { urdf, order, root })
@@ -236,7 +268,9 @@ impl<'a> Tree<'a> {
         }
         let Some(requested) = &options.joints else {
             // A joint that mimics another has no motion of its own.
-            let is_free = |joint: &&&urdf_rs::Joint| joint.mimic.is_none() && !options.locked.contains_key(&joint.name);
+            let is_free = |joint: &&&urdf_rs::Joint| {
+                joint.mimic.is_none() && !options.locked.contains_key(&joint.name)
+            };
             return Ok(movable.iter().filter(is_free).map(|joint| joint.name.as_str()).collect());
         };
         if let Some(joint) = requested.iter().find(|name| options.locked.contains_key(*name)) {
@@ -247,7 +281,8 @@ impl<'a> Tree<'a> {
         let names = movable.iter().map(|joint| joint.name.as_str());
         let expected: Vec<&str> = names.clone().filter(|name| wanted.contains(name)).collect();
         if let Some(joint) = requested.iter().find(|name| !expected.contains(&name.as_str())) {
-            let (robot, joint, movable) = (self.urdf.name.clone(), joint.clone(), names.map(String::from).collect());
+            let (robot, joint, movable) =
+                (self.urdf.name.clone(), joint.clone(), names.map(String::from).collect());
             return Err(if self.joints().any(|other| other.name == joint) {
                 RobotError::FixedJoint { robot, joint, movable }
             } else {
@@ -255,7 +290,9 @@ impl<'a> Tree<'a> {
             });
         }
         if expected != *requested {
-            return Err(RobotError::JointOrder { expected: expected.into_iter().map(String::from).collect() });
+            return Err(RobotError::JointOrder {
+                expected: expected.into_iter().map(String::from).collect(),
+            });
         }
         Ok(expected.into_iter().collect())
     }
@@ -290,7 +327,9 @@ impl<'a> Tree<'a> {
                 links[body] = links[body] + own.expressed_in(&pose);
             }
         }
-        if let Some(name) = options.locked.keys().find(|name| !self.joints().any(|joint| joint.name == **name)) {
+        if let Some(name) =
+            options.locked.keys().find(|name| !self.joints().any(|joint| joint.name == **name))
+        {
             let movable = self.joints().filter(|joint| joint.joint_type != JointType::Fixed);
             return Err(RobotError::UnknownJoint {
                 robot: self.urdf.name.clone(),
@@ -302,7 +341,8 @@ impl<'a> Tree<'a> {
         Ok(robot.with_notes(self.standing_mimics(options)))
     }
 
-    /// Sentences on joints that follow others in the file and stand in the model, although nobody said that they should.
+    /// Sentences on joints that follow others in the file and stand in the model, although nobody
+    /// said that they should.
     fn standing_mimics(&self, options: &UrdfOptions) -> Vec<String> {
         if options.joints.is_some() {
             return Vec::new();
@@ -312,9 +352,10 @@ impl<'a> Tree<'a> {
         followers
             .map(|(joint, leader)| {
                 format!(
-                    "`{}` mimics `{}` and is no joint of this model: its links are fixed at position 0, so what their own \
-                     motion adds to the torque is missing. Give the position where it stands (`locked`), or name the \
-                     joints that move (`joints`), it among them, if the logs have it",
+                    "`{}` mimics `{}` and is no joint of this model: its links are fixed at \
+                     position 0, so what their own motion adds to the torque is missing. Give the \
+                     position where it stands (`locked`), or name the joints that move (`joints`), \
+                     it among them, if the logs have it",
                     joint.name, leader.joint
                 )
             })
@@ -322,8 +363,8 @@ impl<'a> Tree<'a> {
     }
 }
 
-/// Refuses what is no XML, begins with another element than a robot, is nested deeper than [`DEEPEST_ELEMENT`], or has tags
-/// of more than [`MOST_ATTRIBUTES`].
+/// Refuses what is no XML, begins with another element than a robot, is nested deeper than
+/// [`DEEPEST_ELEMENT`], or has tags of more than [`MOST_ATTRIBUTES`].
 fn require_robot(text: &str) -> Result<(), String> {
     use quick_xml::events::Event;
     let mut reader = quick_xml::Reader::from_str(text);
@@ -331,16 +372,20 @@ fn require_robot(text: &str) -> Result<(), String> {
     let line = |position: u64| line_at(text, position);
     loop {
         match reader.read_event() {
-            Ok(Event::Start(element) | Event::Empty(element)) if depth == 0 && element.name().as_ref() != b"robot" => {
+            Ok(Event::Start(element) | Event::Empty(element))
+                if depth == 0 && element.name().as_ref() != b"robot" =>
+            {
                 let found = String::from_utf8_lossy(element.name().as_ref()).into_owned();
                 return Err(format!("the outermost element is <{found}>, expected <robot>"));
             }
-            Ok(Event::Start(element) | Event::Empty(element)) if attributes(&element) > MOST_ATTRIBUTES => {
+            Ok(Event::Start(element) | Event::Empty(element))
+                if attributes(&element) > MOST_ATTRIBUTES =>
+            {
                 let name = String::from_utf8_lossy(element.name().as_ref()).into_owned();
                 let line = line(reader.buffer_position());
                 return Err(format!(
-                    "line {line}: <{name}> has more than {MOST_ATTRIBUTES} attributes: no element of a URDF has a tenth of \
-                     that"
+                    "line {line}: <{name}> has more than {MOST_ATTRIBUTES} attributes: no element \
+                     of a URDF has a tenth of that"
                 ));
             }
             Ok(Event::Start(_)) => depth += 1,
@@ -351,7 +396,9 @@ fn require_robot(text: &str) -> Result<(), String> {
         }
         if depth > DEEPEST_ELEMENT {
             let line = line(reader.buffer_position());
-            return Err(format!("line {line}: elements are nested more than {DEEPEST_ELEMENT} deep"));
+            return Err(format!(
+                "line {line}: elements are nested more than {DEEPEST_ELEMENT} deep"
+            ));
         }
     }
 }
@@ -377,7 +424,11 @@ fn pose(element: &str, origin: &urdf_rs::Pose) -> Result<Pose, RobotError> {
     Ok(pose)
 }
 
-fn convert(joint: &urdf_rs::Joint, parent: Option<usize>, placement: Pose) -> Result<Joint, RobotError> {
+fn convert(
+    joint: &urdf_rs::Joint,
+    parent: Option<usize>,
+    placement: Pose,
+) -> Result<Joint, RobotError> {
     let kind = match joint.joint_type {
         JointType::Revolute => JointKind::Revolute,
         JointType::Continuous => JointKind::Continuous,
@@ -387,7 +438,8 @@ fn convert(joint: &urdf_rs::Joint, parent: Option<usize>, placement: Pose) -> Re
     let limit = &joint.limit;
     let positive = |value: f64| (value > 0.0).then_some(value);
     let bounded = kind != JointKind::Continuous && limit.lower < limit.upper;
-    let (damping, friction) = joint.dynamics.as_ref().map_or((0.0, 0.0), |d| (d.damping, d.friction));
+    let (damping, friction) =
+        joint.dynamics.as_ref().map_or((0.0, 0.0), |d| (d.damping, d.friction));
     Ok(Joint {
         name: joint.name.clone(),
         kind,
@@ -424,7 +476,8 @@ fn link_inertia(link: &str, inertial: &urdf_rs::Inertial) -> Result<LinkInertia,
     if mass < 0.0 {
         return Err(RobotError::NegativeMass { link: link.into(), mass });
     }
-    let at_centre = Matrix3::from_rows([[i.ixx, i.ixy, i.ixz], [i.ixy, i.iyy, i.iyz], [i.ixz, i.iyz, i.izz]]);
+    let at_centre =
+        Matrix3::from_rows([[i.ixx, i.ixy, i.ixz], [i.ixy, i.iyy, i.iyz], [i.ixz, i.iyz, i.izz]]);
     let body = LinkInertia::from_centre_of_mass(mass, Vector3::ZERO, at_centre);
     Ok(body.expressed_in(&pose(link, &inertial.origin)?))
 }

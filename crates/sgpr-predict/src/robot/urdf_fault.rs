@@ -3,7 +3,8 @@
 use quick_xml::Reader;
 use quick_xml::events::{BytesStart, Event};
 
-/// Attributes that hold numbers: element, those that must be there, those that may be, how many numbers each.
+/// Attributes that hold numbers: element, those that must be there, those that may be, how many
+/// numbers each.
 const NUMBERS: [(&str, &[&str], &[&str], usize); 8] = [
     ("mass", &["value"], &[], 1),
     ("inertia", &["ixx", "ixy", "ixz", "iyy", "iyz", "izz"], &[], 1),
@@ -15,8 +16,8 @@ const NUMBERS: [(&str, &[&str], &[&str], usize); 8] = [
     ("box", &["size"], &[], 3),
 ];
 
-/// The first element that lacks what it must have, or holds text in the place of numbers: a sentence with its line, its
-/// link or joint, and what was expected.
+/// The first element that lacks what it must have, or holds text in the place of numbers: a
+/// sentence with its line, its link or joint, and what was expected.
 pub(super) fn first_fault(text: &str) -> Option<String> {
     let mut reader = Reader::from_str(text);
     let (mut depth, mut owner) = (0, "robot".to_string());
@@ -45,8 +46,14 @@ pub(super) fn first_fault(text: &str) -> Option<String> {
         }
         match event {
             Event::Start(_) => depth += 1,
-            Event::End(element) if element.name().as_ref() == b"inertial" && !lacking.is_empty() => {
-                return Some(format!("line {}, {owner}: the inertial lacks its {}", line(), lacking.join(" and ")));
+            Event::End(element)
+                if element.name().as_ref() == b"inertial" && !lacking.is_empty() =>
+            {
+                return Some(format!(
+                    "line {}, {owner}: the inertial lacks its {}",
+                    line(),
+                    lacking.join(" and ")
+                ));
             }
             Event::End(_) => depth -= 1,
             Event::Eof => return None,
@@ -74,6 +81,8 @@ fn number_fault(element: &BytesStart, tag: &str) -> Option<String> {
             let fits = numbers.is_ok_and(|numbers| numbers.len() == count);
             (!fits).then(|| format!("the {tag} has {name}=\"{value}\", expected {wanted}"))
         }
-        None => required.contains(name).then(|| format!("the {tag} lacks {name}, expected {wanted}")),
+        None => {
+            required.contains(name).then(|| format!("the {tag} lacks {name}, expected {wanted}"))
+        }
     })
 }

@@ -34,17 +34,23 @@ impl JointDynamics {
 }
 
 impl Robot {
-    /// The URDF `text` with the inertias of this robot and the friction of its joints, everything else as it was, comments
-    /// and order too.
+    /// The URDF `text` with the inertias of this robot and the friction of its joints, everything
+    /// else as it was, comments and order too.
     ///
-    /// `text` and `options` are those that the robot was read with. The body behind a moving joint goes into the link that
-    /// the joint carries; links fixed to it lose their `<inertial>`, since it counts there already. Links behind locked
-    /// joints keep theirs, and what they contribute is taken off. `<dynamics>` changes where damping or friction of a joint
-    /// is not that of `text`.
+    /// `text` and `options` are those that the robot was read with. The body behind a moving joint
+    /// goes into the link that the joint carries; links fixed to it lose their `<inertial>`, since
+    /// it counts there already. Links behind locked joints keep theirs, and what they contribute is
+    /// taken off. `<dynamics>` changes where damping or friction of a joint is not that of `text`.
     ///
     /// # Errors
-    /// If `text` is not the URDF of this robot, or a link is no body: URDF has no place for a first moment without mass.
-    pub fn write_into_urdf(&self, text: &str, origin: &str, options: &UrdfOptions) -> Result<String, RobotError> {
+    /// If `text` is not the URDF of this robot, or a link is no body: URDF has no place for a first
+    /// moment without mass.
+    pub fn write_into_urdf(
+        &self,
+        text: &str,
+        origin: &str,
+        options: &UrdfOptions,
+    ) -> Result<String, RobotError> {
         let malformed = |message| RobotError::Malformed { path: origin.into(), message };
         // Before its tags are looked at: it refuses those that take for ever.
         let read = Robot::from_urdf_text(text, origin, options)?;
@@ -57,7 +63,10 @@ impl Robot {
         let mut joints = spans(text, "joint", "dynamics").map_err(malformed)?;
         for (new, old) in self.joints().iter().zip(read.joints()) {
             if (new.damping, new.friction) != (old.damping, old.friction) {
-                let element = format!("<dynamics damping=\"{}\" friction=\"{}\"/>", new.damping, new.friction);
+                let element = format!(
+                    "<dynamics damping=\"{}\" friction=\"{}\"/>",
+                    new.damping, new.friction
+                );
                 elements.extend(joints.remove(&new.name).map(|span| (span, element)));
             }
         }
@@ -74,7 +83,10 @@ impl Robot {
                     let _ = write!(written, "{}\n    {element}", &text[span.replace.clone()]);
                 }
                 (TagShape::EmptyTag, element) => {
-                    let open = text[span.replace.clone()].trim_end_matches('>').trim_end_matches('/').trim_end();
+                    let open = text[span.replace.clone()]
+                        .trim_end_matches('>')
+                        .trim_end_matches('/')
+                        .trim_end();
                     let _ = write!(written, "{open}>\n    {element}\n  </{}>", span.outer);
                 }
             }
@@ -102,9 +114,11 @@ impl Robot {
             .map_err(|error| RobotError::Unwritable { path: name(path), source: error })
     }
 
-    /// The robot as MJCF, for MuJoCo: its tree, limits and inertias, and per joint what else takes torque.
+    /// The robot as MJCF, for MuJoCo: its tree, limits and inertias, and per joint what else takes
+    /// torque.
     ///
-    /// A link without mass is written without inertia, which MuJoCo accepts where something heavier follows.
+    /// A link without mass is written without inertia, which MuJoCo accepts where something heavier
+    /// follows.
     ///
     /// - `joints`: `[n]`
     ///
@@ -173,9 +187,11 @@ impl Robot {
         if let Some(range) = joint.limits.position {
             let _ = write!(text, " range=\"{}\"", numbers(&range));
         }
-        for (name, value) in
-            [("armature", own.rotor_inertia), ("damping", own.viscous_friction), ("frictionloss", own.coulomb_friction)]
-        {
+        for (name, value) in [
+            ("armature", own.rotor_inertia),
+            ("damping", own.viscous_friction),
+            ("frictionloss", own.coulomb_friction),
+        ] {
             if value != 0.0 {
                 let _ = write!(text, " {name}=\"{value}\"");
             }
@@ -201,7 +217,8 @@ fn numbers(values: &[f64]) -> String {
 
 /// Centre of mass and the inertia about it, if the parameters are those of a body.
 fn body_at_centre(link: &str, body: &LinkInertia) -> Result<([f64; 3], Matrix3<f64>), RobotError> {
-    let scale = body.mass + body.inertia.get(0, 0) + body.inertia.get(1, 1) + body.inertia.get(2, 2);
+    let scale =
+        body.mass + body.inertia.get(0, 0) + body.inertia.get(1, 1) + body.inertia.get(2, 2);
     let eigenvalue = body.smallest_pseudo_inertia_eigenvalue();
     if body.mass.is_nan() || body.mass <= 0.0 || eigenvalue < -1e-9 * scale {
         return Err(RobotError::NotABody { link: link.into(), mass: body.mass, eigenvalue });
@@ -216,8 +233,8 @@ fn inertial_element(link: &str, body: &LinkInertia) -> Result<String, RobotError
     let (centre, inertia) = body_at_centre(link, body)?;
     let i = inertia.to_rows();
     Ok(format!(
-        "<inertial><origin xyz=\"{}\" rpy=\"0 0 0\"/><mass value=\"{}\"/><inertia ixx=\"{}\" ixy=\"{}\" ixz=\"{}\" \
-         iyy=\"{}\" iyz=\"{}\" izz=\"{}\"/></inertial>",
+        "<inertial><origin xyz=\"{}\" rpy=\"0 0 0\"/><mass value=\"{}\"/><inertia ixx=\"{}\" \
+         ixy=\"{}\" ixz=\"{}\" iyy=\"{}\" iyz=\"{}\" izz=\"{}\"/></inertial>",
         numbers(&centre),
         body.mass,
         i[0][0],
@@ -246,8 +263,13 @@ enum TagShape {
     EmptyTag,
 }
 
-/// Where `<inner>` stands, or would stand, in each named `<outer>` of a robot: the inertia of links, the friction of joints.
-fn spans(text: &str, outer: &'static str, inner: &str) -> Result<HashMap<String, TextSpan>, String> {
+/// Where `<inner>` stands, or would stand, in each named `<outer>` of a robot: the inertia of
+/// links, the friction of joints.
+fn spans(
+    text: &str,
+    outer: &'static str,
+    inner: &str,
+) -> Result<HashMap<String, TextSpan>, String> {
     let mut reader = Reader::from_str(text);
     let mut spans = HashMap::new();
     // Names of the elements around.
@@ -278,7 +300,10 @@ fn spans(text: &str, outer: &'static str, inner: &str) -> Result<HashMap<String,
                 spans.insert(name_of(&tag)?, span(from..to, TagShape::EmptyTag));
             }
             Event::Empty(tag) if in_outer(&open) && tag.name().as_ref() == inner.as_bytes() => {
-                spans.insert(named.clone().expect("inside a named element"), span(from..to, TagShape::Element));
+                spans.insert(
+                    named.clone().expect("inside a named element"),
+                    span(from..to, TagShape::Element),
+                );
             }
             Event::End(_) => {
                 let name = open.pop();

@@ -10,15 +10,18 @@ pub struct Autoregression {
 impl Autoregression {
     /// The order that describes a series best by Akaike's criterion.
     ///
-    /// - `covariance`: autocovariance by lag, zero first; the last one is the highest order; the first one positive
+    /// - `covariance`: autocovariance by lag, zero first; the last one is the highest order; the
+    ///   first one positive
     /// - `count`: values of the series
     ///
-    /// Source: N. Levinson (1947), J. Durbin (1960): the Yule-Walker equations solved order by order.
+    /// Source: N. Levinson (1947), J. Durbin (1960): the Yule-Walker equations solved order by
+    /// order.
     pub fn of(covariance: &[f64], count: f64) -> Self {
         let (mut phi, mut error) = (Vec::<f64>::new(), covariance[0]);
         let mut best = (count * error.ln(), Self { phi: vec![], innovation: 1.0 });
         for order in 1..covariance.len() {
-            let known: f64 = phi.iter().enumerate().map(|(k, p)| p * covariance[order - 1 - k]).sum();
+            let known: f64 =
+                phi.iter().enumerate().map(|(k, p)| p * covariance[order - 1 - k]).sum();
             let reflection = (covariance[order] - known) / error;
             if reflection.is_nan() || reflection.abs() >= 0.999 {
                 break;

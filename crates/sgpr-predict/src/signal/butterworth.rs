@@ -14,7 +14,11 @@ impl Section {
     /// passes with a gain of one to the last digit.
     fn low_pass(a: [f64; 2], zeros: usize) -> Self {
         let level = 1.0 + a[0] + a[1];
-        let b = if zeros == 1 { [0.5 * level, 0.5 * level, 0.0] } else { [0.25, 0.5, 0.25].map(|share| share * level) };
+        let b = if zeros == 1 {
+            [0.5 * level, 0.5 * level, 0.0]
+        } else {
+            [0.25, 0.5, 0.25].map(|share| share * level)
+        };
         Self { b, a, steady: [1.0 - b[0], b[2] - a[1]] }
     }
 }
@@ -34,11 +38,15 @@ impl Section {
 pub(super) fn sections(order: usize, ratio: f64) -> Vec<Section> {
     let warped = (std::f64::consts::PI * ratio).tan();
     let square = warped * warped;
-    let real = (order % 2 == 1).then(|| Section::low_pass([(warped - 1.0) / (warped + 1.0), 0.0], 1));
+    let real =
+        (order % 2 == 1).then(|| Section::low_pass([(warped - 1.0) / (warped + 1.0), 0.0], 1));
     let pair = |k: usize| {
         let damping = 2.0 * (std::f64::consts::FRAC_PI_2 * (2 * k - 1) as f64 / order as f64).sin();
         let norm = 1.0 + damping * warped + square;
-        let a = [2.0 * (warped - 1.0) * (warped + 1.0) / norm, (1.0 - damping * warped + square) / norm];
+        let a = [
+            2.0 * (warped - 1.0) * (warped + 1.0) / norm,
+            (1.0 - damping * warped + square) / norm,
+        ];
         Section::low_pass(a, 2)
     };
     real.into_iter().chain((1..=order / 2).rev().map(pair)).collect()

@@ -9,8 +9,8 @@ use super::savitzky_golay::weights;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Differentiation {
-    /// Central differences whose error falls with the power `accuracy` (2, 4, 6 or 8) of the sampling period; the
-    /// acceleration is the difference of the velocity.
+    /// Central differences whose error falls with the power `accuracy` (2, 4, 6 or 8) of the
+    /// sampling period; the acceleration is the difference of the velocity.
     Central {
         /// Power of the sampling period in the error.
         accuracy: usize,
@@ -25,17 +25,19 @@ pub enum Differentiation {
 }
 
 impl Default for Differentiation {
-    /// Sixth-order central differences: at a tenth of the sampling rate they lose 0.05 % of a velocity, where the common
-    /// second-order ones lose 6 %.
+    /// Sixth-order central differences: at a tenth of the sampling rate they lose 0.05 % of a
+    /// velocity, where the common second-order ones lose 6 %.
     fn default() -> Self {
         Self::Central { accuracy: 6 }
     }
 }
 
 impl Differentiation {
-    /// Velocity and acceleration of `position`, `[samples, columns]` row-major, sampled at `rate_hz`.
+    /// Velocity and acceleration of `position`, `[samples, columns]` row-major, sampled at
+    /// `rate_hz`.
     ///
-    /// The first and last [`Self::edge`] rows repeat the nearest full estimate; they are no measurements.
+    /// The first and last [`Self::edge`] rows repeat the nearest full estimate; they are no
+    /// measurements.
     ///
     /// # Errors
     /// If the window or accuracy cannot be, or is longer than the signal.
@@ -73,10 +75,13 @@ impl Differentiation {
     pub fn check(&self) -> Result<(), SignalError> {
         match *self {
             Self::Central { accuracy } => central_weights(accuracy).map(|_| ()),
-            Self::SavitzkyGolay { window, degree } if window % 2 == 0 || degree < 2 || degree >= window => {
+            Self::SavitzkyGolay { window, degree }
+                if window % 2 == 0 || degree < 2 || degree >= window =>
+            {
                 let message = format!(
-                    "a Savitzky-Golay window of {window} samples with a polynomial of degree {degree} gives no \
-                     acceleration: take an odd window and a degree from 2 to window - 1"
+                    "a Savitzky-Golay window of {window} samples with a polynomial of degree \
+                     {degree} gives no acceleration: take an odd window and a degree from 2 to \
+                     window - 1"
                 );
                 Err(SignalError::Window { message })
             }
@@ -92,8 +97,8 @@ impl Differentiation {
         }
     }
 
-    /// Standard deviation of velocity (1/s) and acceleration (1/s²) that white noise of unit standard deviation in the
-    /// position makes.
+    /// Standard deviation of velocity (1/s) and acceleration (1/s²) that white noise of unit
+    /// standard deviation in the position makes.
     ///
     /// # Errors
     /// As [`Self::derivatives`].
@@ -107,7 +112,8 @@ impl Differentiation {
     }
 }
 
-/// Weights of the central difference for the first derivative, from -p/2 to p/2 (Fornberg (1988), table 1).
+/// Weights of the central difference for the first derivative, from -p/2 to p/2 (Fornberg (1988),
+/// table 1).
 fn central_weights(accuracy: usize) -> Result<Vec<f64>, SignalError> {
     let right: &[f64] = match accuracy {
         2 => &[1.0 / 2.0],
@@ -115,7 +121,9 @@ fn central_weights(accuracy: usize) -> Result<Vec<f64>, SignalError> {
         6 => &[3.0 / 4.0, -3.0 / 20.0, 1.0 / 60.0],
         8 => &[4.0 / 5.0, -1.0 / 5.0, 4.0 / 105.0, -1.0 / 280.0],
         _ => {
-            let message = format!("central differences of accuracy {accuracy} are not there: choose 2, 4, 6 or 8");
+            let message = format!(
+                "central differences of accuracy {accuracy} are not there: choose 2, 4, 6 or 8"
+            );
             return Err(SignalError::Window { message });
         }
     };
@@ -174,13 +182,20 @@ mod tests {
         ];
         for (method, degree) in methods {
             let position = sampled(|t| t.powi(degree));
-            let (velocity, acceleration) = method.derivatives(&position, 2, RATE).expect("long enough");
+            let (velocity, acceleration) =
+                method.derivatives(&position, 2, RATE).expect("long enough");
             for row in method.edge()..60 - method.edge() {
                 let t = row as f64 / RATE;
                 let p = f64::from(degree);
                 assert!((velocity[2 * row] - p * t.powi(degree - 1)).abs() < 1e-9, "{method:?}");
-                assert!((acceleration[2 * row] - p * (p - 1.0) * t.powi(degree - 2)).abs() < 1e-8, "{method:?}");
-                assert!(velocity[2 * row + 1].abs() < 1e-10 && acceleration[2 * row + 1].abs() < 1e-9, "{method:?}");
+                assert!(
+                    (acceleration[2 * row] - p * (p - 1.0) * t.powi(degree - 2)).abs() < 1e-8,
+                    "{method:?}"
+                );
+                assert!(
+                    velocity[2 * row + 1].abs() < 1e-10 && acceleration[2 * row + 1].abs() < 1e-9,
+                    "{method:?}"
+                );
             }
         }
     }
@@ -189,8 +204,9 @@ mod tests {
     fn loss_at_a_tenth_of_the_sampling_rate_is_as_documented() {
         let position = sampled(|t| (std::f64::consts::TAU * 0.1 * RATE * t).sin());
         for (accuracy, loss) in [(2, 0.0645), (6, 0.0005)] {
-            let (velocity, _) =
-                Differentiation::Central { accuracy }.derivatives(&position, 2, RATE).expect("long enough");
+            let (velocity, _) = Differentiation::Central { accuracy }
+                .derivatives(&position, 2, RATE)
+                .expect("long enough");
             let share = velocity[2 * 30] / (std::f64::consts::TAU * 0.1 * RATE);
             assert!(((1.0 - share) - loss).abs() < 1e-4, "{accuracy}: {share}");
         }
@@ -207,10 +223,15 @@ mod tests {
 
     #[test]
     fn bad_windows_are_refused_with_advice() {
-        let message =
-            |method: Differentiation| method.derivatives(&sampled(|t| t), 2, RATE).expect_err("impossible").to_string();
-        assert!(message(Differentiation::SavitzkyGolay { window: 8, degree: 3 }).contains("odd window"));
+        let message = |method: Differentiation| {
+            method.derivatives(&sampled(|t| t), 2, RATE).expect_err("impossible").to_string()
+        };
+        assert!(
+            message(Differentiation::SavitzkyGolay { window: 8, degree: 3 }).contains("odd window")
+        );
         assert!(message(Differentiation::Central { accuracy: 3 }).contains("2, 4, 6 or 8"));
-        assert!(message(Differentiation::SavitzkyGolay { window: 201, degree: 3 }).contains("too few"));
+        assert!(
+            message(Differentiation::SavitzkyGolay { window: 201, degree: 3 }).contains("too few")
+        );
     }
 }

@@ -3,7 +3,8 @@
 #[non_exhaustive]
 pub enum SignalError {
     /// A cut-off that the sampling rate cannot represent.
-    #[error("a cut-off of {cutoff_hz} Hz lies outside of what {rate_hz} Hz of sampling can hold: choose between {lowest_hz:.1e} and {} Hz", rate_hz / 2.0)]
+    #[error("a cut-off of {cutoff_hz} Hz lies outside of what {rate_hz} Hz of sampling can hold: \
+         choose between {lowest_hz:.1e} and {} Hz", rate_hz / 2.0)]
     CutoffOutOfRange {
         /// Requested cut-off, Hz.
         cutoff_hz: f64,
@@ -20,7 +21,8 @@ pub enum SignalError {
     },
     /// Fewer samples than the filter needs at both ends.
     #[error(
-        "{samples} samples are too few for this filter, which needs more than {needed}: record longer, or raise the cut-off"
+        "{samples} samples are too few for this filter, which needs more than {needed}: record \
+         longer, or raise the cut-off"
     )]
     TooShort {
         /// Samples there are.

@@ -1,7 +1,7 @@
 //! Butterworth low-pass, applied forwards and backwards.
 
-// Loops over registers by index: iterators and closures between the instructions of a register need not become part of the
-// function that has the instruction set, and are then slow.
+// Loops over registers by index: iterators and closures between the instructions of a register need
+// not become part of the function that has the instruction set, and are then slow.
 
 use pulp::{Arch, Simd, WithSimd};
 
@@ -12,11 +12,13 @@ use super::butterworth::{Section, sections};
 /// left of a sum of numbers near one: below this it has less than six digits.
 const LOWEST_CUTOFF: f64 = 1e-5;
 
-/// A Butterworth low-pass without phase: it runs forwards and backwards over the signal, so that its gain is the
-/// squared Butterworth gain, one half of the amplitude at the cut-off, and no edge is shifted in time.
+/// A Butterworth low-pass without phase: it runs forwards and backwards over the signal, so that
+/// its gain is the squared Butterworth gain, one half of the amplitude at the cut-off, and no edge
+/// is shifted in time.
 ///
-/// The ends are extended by reflection through the end points, as `scipy.signal.sosfiltfilt` does. The filter is linear
-/// in the signal, ends included: filtering all columns and the right-hand side of an equation leaves it an equation.
+/// The ends are extended by reflection through the end points, as `scipy.signal.sosfiltfilt` does.
+/// The filter is linear in the signal, ends included: filtering all columns and the right-hand side
+/// of an equation leaves it an equation.
 ///
 /// # Examples
 /// ```
@@ -39,7 +41,8 @@ pub struct LowPass {
 pub const HIGHEST_ORDER: usize = 10;
 
 impl LowPass {
-    /// Low-pass of `order` (of one pass) with its cut-off at `cutoff_hz` for signals sampled at `rate_hz`.
+    /// Low-pass of `order` (of one pass) with its cut-off at `cutoff_hz` for signals sampled at
+    /// `rate_hz`.
     ///
     /// # Errors
     /// If the cut-off is not between a hundred-thousandth and half of the sampling rate, or the
@@ -77,13 +80,16 @@ impl LowPass {
     /// Samples at either end where the reflected extension still shows by more than one percent.
     pub fn settling_samples(&self) -> usize {
         // The slowest analog pole of a Butterworth filter decays with 2 pi fc sin(pi / 2 order).
-        let decay = std::f64::consts::TAU * self.cutoff_hz * (std::f64::consts::FRAC_PI_2 / self.order as f64).sin();
+        let decay = std::f64::consts::TAU
+            * self.cutoff_hz
+            * (std::f64::consts::FRAC_PI_2 / self.order as f64).sin();
         (100f64.ln() / decay * self.rate_hz).ceil() as usize
     }
 
     /// Samples by which either end is extended; as many as `scipy.signal.sosfiltfilt` takes.
     fn extension(&self) -> usize {
-        let zeros = |select: fn(&Section) -> f64| self.sections.iter().filter(|s| select(s) == 0.0).count();
+        let zeros =
+            |select: fn(&Section) -> f64| self.sections.iter().filter(|s| select(s) == 0.0).count();
         let taps = 2 * self.sections.len() + 1 - zeros(|s| s.b[2]).min(zeros(|s| s.a[1]));
         3 * taps
     }
@@ -96,9 +102,17 @@ impl LowPass {
     /// # Panics
     /// If `values` does not hold whole rows.
     pub fn apply(&self, values: &mut [f64], columns: usize) -> Result<(), SignalError> {
-        assert!(columns > 0 && values.len().is_multiple_of(columns), "whole rows of {columns} columns");
+        assert!(
+            columns > 0 && values.len().is_multiple_of(columns),
+            "whole rows of {columns} columns"
+        );
         self.check_length(values.len() / columns)?;
-        Arch::new().dispatch(ForwardBackward { filter: self, values, columns, extension: self.extension() });
+        Arch::new().dispatch(ForwardBackward {
+            filter: self,
+            values,
+            columns,
+            extension: self.extension(),
+        });
         Ok(())
     }
 
@@ -113,13 +127,17 @@ impl LowPass {
 }
 
 impl LowPass {
-    /// Filters every column of `values`, `[samples, columns]` row-major, in place and forwards alone, as a filter does that
-    /// does not know what comes: the result is late. It starts settled at the first row.
+    /// Filters every column of `values`, `[samples, columns]` row-major, in place and forwards
+    /// alone, as a filter does that does not know what comes: the result is late. It starts settled
+    /// at the first row.
     ///
     /// # Panics
     /// If `values` does not hold whole rows.
     pub fn apply_forwards(&self, values: &mut [f64], columns: usize) {
-        assert!(columns > 0 && values.len().is_multiple_of(columns), "whole rows of {columns} columns");
+        assert!(
+            columns > 0 && values.len().is_multiple_of(columns),
+            "whole rows of {columns} columns"
+        );
         let Some(first) = values.get(..columns) else { return };
         let mut state = State::at_rest(&self.sections, first);
         values.chunks_exact_mut(columns).for_each(|row| state.advance(&self.sections, row));
@@ -158,8 +176,8 @@ impl WithSimd for ForwardBackward<'_> {
     }
 }
 
-/// Registers of columns that go through the filter beside each other: each waits for its own results, the others work
-/// meanwhile.
+/// Registers of columns that go through the filter beside each other: each waits for its own
+/// results, the others work meanwhile.
 const MOST_REGISTERS: usize = 4;
 
 /// Neighbouring columns, as many as `G` registers hold, the last one perhaps not full.
@@ -178,7 +196,10 @@ impl Table<'_> {
             3 => self.forwards_and_backwards::<S, G, 3>(simd, sections, extension),
             4 => self.forwards_and_backwards::<S, G, 4>(simd, sections, extension),
             count => {
-                assert!(count == HIGHEST_ORDER.div_ceil(2), "as many sections as the highest order has, at most");
+                assert!(
+                    count == HIGHEST_ORDER.div_ceil(2),
+                    "as many sections as the highest order has, at most"
+                );
                 self.forwards_and_backwards::<S, G, 5>(simd, sections, extension);
             }
         }
@@ -249,7 +270,11 @@ impl Table<'_> {
 
 /// Rows before the first and after the last: twice the end minus the mirror image.
 #[inline(always)]
-fn mirrored<S: Simd, const G: usize>(simd: S, end: [S::f64s; G], inside: [S::f64s; G]) -> [S::f64s; G] {
+fn mirrored<S: Simd, const G: usize>(
+    simd: S,
+    end: [S::f64s; G],
+    inside: [S::f64s; G],
+) -> [S::f64s; G] {
     let mut row = end;
     for g in 0..G {
         row[g] = simd.sub_f64s(simd.add_f64s(end[g], end[g]), inside[g]);
@@ -328,12 +353,13 @@ impl State {
 mod tests {
     use super::*;
 
-    /// `scipy.signal.sosfiltfilt(butter(order, cutoff, fs=100, output="sos"), x)` with SciPy 1.17.1 for
-    /// x = sin(k) + 0.1 k - 0.02 (k mod 7)², k = 0..79; values at k = 0, 1, 39, 78, 79.
+    /// `scipy.signal.sosfiltfilt(butter(order, cutoff, fs=100, output="sos"), x)` with SciPy 1.17.1
+    /// for x = sin(k) + 0.1 k - 0.02 (k mod 7)², k = 0..79; values at k = 0, 1, 39, 78, 79.
     #[test]
     fn agrees_with_scipy_ends_included() {
-        let x: Vec<f64> =
-            (0..80).map(|k| f64::from(k).sin() + 0.1 * f64::from(k) - 0.02 * f64::from(k % 7).powi(2)).collect();
+        let x: Vec<f64> = (0..80)
+            .map(|k| f64::from(k).sin() + 0.1 * f64::from(k) - 0.02 * f64::from(k % 7).powi(2))
+            .collect();
         for (order, cutoff, expected) in SCIPY {
             let filter = LowPass::butterworth(order, cutoff, 100.0).expect("a valid filter");
             // Of a long memory SciPy keeps less: its gain of a constant is off by eps / (pi fc /
@@ -354,32 +380,82 @@ mod tests {
     }
 
     const SCIPY: [(usize, f64, [f64; 5]); 7] = [
-        (1, 3.0, [0.23380712953017543, 0.28104069429299144, 3.6631778775257415, 7.275172904893689, 7.286682265357877]),
+        (
+            1,
+            3.0,
+            [
+                0.23380712953017543,
+                0.28104069429299144,
+                3.6631778775257415,
+                7.275172904893689,
+                7.286682265357877,
+            ],
+        ),
         (
             5,
             2.0,
-            [-0.08899111797997071, -0.014757979452586497, 3.6372758369594904, 6.738035263787043, 6.751358255944071],
+            [
+                -0.08899111797997071,
+                -0.014757979452586497,
+                3.6372758369594904,
+                6.738035263787043,
+                6.751358255944071,
+            ],
         ),
         (
             7,
             12.0,
-            [0.003747919893656518, -0.008290373401862443, 3.640933125785552, 7.416997790742315, 7.373321417826929],
+            [
+                0.003747919893656518,
+                -0.008290373401862443,
+                3.640933125785552,
+                7.416997790742315,
+                7.373321417826929,
+            ],
         ),
         (
             8,
             5.0,
-            [-0.0012054086290491136, 0.05042148144216628, 3.6421934013445534, 7.344734923078737, 7.412502788776123],
+            [
+                -0.0012054086290491136,
+                0.05042148144216628,
+                3.6421934013445534,
+                7.344734923078737,
+                7.412502788776123,
+            ],
         ),
         (
             9,
             45.0,
-            [-0.0013675698274453474, 0.9168232893395756, 4.546962431511974, 8.277321197809151, 7.384939451682056],
+            [
+                -0.0013675698274453474,
+                0.9168232893395756,
+                4.546962431511974,
+                8.277321197809151,
+                7.384939451682056,
+            ],
         ),
-        (10, 8.0, [0.006706076882927766, 0.01849207841324377, 3.64084277993312, 7.3605230259056205, 7.379379227394042]),
+        (
+            10,
+            8.0,
+            [
+                0.006706076882927766,
+                0.01849207841324377,
+                3.64084277993312,
+                7.3605230259056205,
+                7.379379227394042,
+            ],
+        ),
         (
             10,
             30.0,
-            [-0.00026715750693417917, 0.9156883529602995, 4.580984705610906, 8.455369274134082, 7.375212947016232],
+            [
+                -0.00026715750693417917,
+                0.9156883529602995,
+                4.580984705610906,
+                8.455369274134082,
+                7.375212947016232,
+            ],
         ),
     ];
 
@@ -393,7 +469,11 @@ mod tests {
             let inner = 1000..3000;
             let along: f64 = inner.clone().map(|k| values[k] * sine(k)).sum();
             let mean = along / inner.map(|k| sine(k).powi(2)).sum::<f64>();
-            assert!((mean - filter.gain(frequency)).abs() < 1e-3, "{frequency} Hz: {mean} {}", filter.gain(frequency));
+            assert!(
+                (mean - filter.gain(frequency)).abs() < 1e-3,
+                "{frequency} Hz: {mean} {}",
+                filter.gain(frequency)
+            );
         }
     }
 
@@ -403,7 +483,10 @@ mod tests {
             let filter = LowPass::butterworth(order, cutoff, 1000.0).expect("a valid filter");
             let mut values = vec![7.5; 100];
             filter.apply(&mut values, 1).expect("long enough");
-            assert!(values.iter().all(|x| (x - 7.5).abs() < 1e-9), "order {order}, {cutoff} Hz: {values:?}");
+            assert!(
+                values.iter().all(|x| (x - 7.5).abs() < 1e-9),
+                "order {order}, {cutoff} Hz: {values:?}"
+            );
         }
     }
 
@@ -419,6 +502,9 @@ mod tests {
         assert!(LowPass::butterworth(0, 10.0, 100.0).is_err());
         let filter = LowPass::butterworth(4, 5.0, 100.0).expect("a valid filter");
         let message = filter.apply(&mut [0.0; 15], 1).expect_err("too short").to_string();
-        assert!(message.contains("15 samples are too few") && message.contains("record longer"), "{message}");
+        assert!(
+            message.contains("15 samples are too few") && message.contains("record longer"),
+            "{message}"
+        );
     }
 }

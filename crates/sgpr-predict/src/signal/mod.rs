@@ -1,6 +1,7 @@
 //! Filters, derivatives and spectra of uniformly sampled signals; knows nothing of robots.
 //!
-//! Arrays are `[samples, columns]`, row-major: a filter runs down the samples of every column at once.
+//! Arrays are `[samples, columns]`, row-major: a filter runs down the samples of every column at
+//! once.
 
 mod autoregression;
 mod butterworth;

@@ -15,7 +15,11 @@
 /// Source: P. A. Gorry, General least-squares smoothing and differentiation by the convolution
 /// (Savitzky-Golay) method, Anal. Chem. 62 (1990), eq. 8 to 11.
 pub(super) fn weights(half: usize, degree: usize, derivative: usize) -> Vec<f64> {
-    assert!(degree <= 2 * half, "a polynomial of degree {degree} has more freedom than {} samples", 2 * half + 1);
+    assert!(
+        degree <= 2 * half,
+        "a polynomial of degree {degree} has more freedom than {} samples",
+        2 * half + 1
+    );
     let m = half as f64;
     let at_centre = gram_polynomials(0.0, m, degree, derivative);
     // (2k + 1) (2m)! (2m)! / ((2m - k)! (2m + k + 1)!): one over the squared length, term by term.
@@ -64,8 +68,11 @@ mod tests {
         for (window, degree, derivative, expected) in EXACT {
             let found = weights(window / 2, degree, derivative);
             assert_eq!(found.len(), window);
-            let largest = expected.iter().fold(0.0, |largest: f64, weight| largest.max(weight.abs()));
-            for (place, expected) in [0, 1, window / 2, window - 2, window - 1].into_iter().zip(expected) {
+            let largest =
+                expected.iter().fold(0.0, |largest: f64, weight| largest.max(weight.abs()));
+            for (place, expected) in
+                [0, 1, window / 2, window - 2, window - 1].into_iter().zip(expected)
+            {
                 let found = found[place];
                 assert!(
                     (found - expected).abs() < 1e-13 * largest,

@@ -15,14 +15,16 @@ pub struct Spectrum {
 }
 
 impl Spectrum {
-    /// Averaged periodograms of half-overlapping windows of `window` samples (Welch (1967)), Hann-weighted, with a line
-    /// removed from each so that slow motion does not leak into the rest.
+    /// Averaged periodograms of half-overlapping windows of `window` samples (Welch (1967)),
+    /// Hann-weighted, with a line removed from each so that slow motion does not leak into the
+    /// rest.
     ///
     /// A signal shorter than the window is one window.
     pub fn welch(signal: &[f64], rate_hz: f64, window: usize) -> Self {
         let length = window.min(signal.len()).max(2);
-        let hann: Vec<f64> =
-            (0..length).map(|k| (std::f64::consts::PI * k as f64 / length as f64).sin().powi(2)).collect();
+        let hann: Vec<f64> = (0..length)
+            .map(|k| (std::f64::consts::PI * k as f64 / length as f64).sin().powi(2))
+            .collect();
         let power: f64 = hann.iter().map(|w| w * w).sum();
         let transform = RealFftPlanner::<f64>::new().plan_fft_forward(length);
         let mut output = transform.make_output_vec();
@@ -76,10 +78,14 @@ impl Spectrum {
     }
 }
 
-/// Power of a signal in waves over the position, by whole periods per turn: |sum r exp(i order q)|².
+/// Power of a signal in waves over the position, by whole periods per turn: |sum r exp(i order
+/// q)|².
 ///
 /// - `samples`: position q, rad, and signal r
-pub fn power_by_order(samples: impl Iterator<Item = (f64, f64)>, orders: RangeInclusive<usize>) -> Vec<f64> {
+pub fn power_by_order(
+    samples: impl Iterator<Item = (f64, f64)>,
+    orders: RangeInclusive<usize>,
+) -> Vec<f64> {
     let mut sums = vec![[0.0; 2]; orders.end().saturating_sub(*orders.start()) + 1];
     for (q, r) in samples {
         let (s1, c1) = q.sin_cos();
@@ -98,7 +104,8 @@ fn without_line(values: &[f64]) -> Vec<f64> {
     let middle = 0.5 * (n - 1.0);
     let mean = values.iter().sum::<f64>() / n;
     let square: f64 = (0..values.len()).map(|k| (k as f64 - middle).powi(2)).sum();
-    let slope = values.iter().enumerate().map(|(k, x)| (k as f64 - middle) * x).sum::<f64>() / square;
+    let slope =
+        values.iter().enumerate().map(|(k, x)| (k as f64 - middle) * x).sum::<f64>() / square;
     values.iter().enumerate().map(|(k, x)| x - mean - slope * (k as f64 - middle)).collect()
 }
 
@@ -108,17 +115,18 @@ fn without_line(values: &[f64]) -> Vec<f64> {
 pub struct CutoffChoice {
     /// The cut-off for all joints: the highest of theirs, so that every joint's motion passes.
     pub cutoff_hz: f64,
-    /// Per joint: where the spectrum of its acceleration is lowest, between motion and noise, Hz; zero for a joint whose
-    /// motion cannot be seen: it is held, or moves at constant speed.
+    /// Per joint: where the spectrum of its acceleration is lowest, between motion and noise, Hz;
+    /// zero for a joint whose motion cannot be seen: it is held, or moves at constant speed.
     pub joint_hz: Vec<f64>,
-    /// Per joint: standard deviation of the white noise of its position, from the upper half of the spectrum, where no
-    /// arm moves.
+    /// Per joint: standard deviation of the white noise of its position, from the upper half of the
+    /// spectrum, where no arm moves.
     pub noise: Vec<f64>,
     /// Per joint: spectrum of the position.
     pub spectra: Vec<Spectrum>,
     /// Length of the signal, s.
     pub duration: f64,
-    /// Whether the signal is shorter than a window: its spectrum, averaged over none, is a rough one.
+    /// Whether the signal is shorter than a window: its spectrum, averaged over none, is a rough
+    /// one.
     pub is_rough: bool,
 }
 
@@ -128,30 +136,38 @@ const STILL: f64 = 1e-9;
 /// Highest cut-off, as a share of the sampling rate: differences need some samples per period.
 const HIGHEST_CUTOFF: f64 = 0.2;
 
-/// Share of the density of speed of the joint that has most of it below which a joint is held, and trembles with others.
+/// Share of the density of speed of the joint that has most of it below which a joint is held, and
+/// trembles with others.
 const HELD: f64 = 1e-3;
 
-/// Share of the power of speed in the lower half of the spectrum from which on it is that of motion: of white noise of the
-/// position it is an eighth, of a tremble between the two.
+/// Share of the power of speed in the lower half of the spectrum from which on it is that of
+/// motion: of white noise of the position it is an eighth, of a tremble between the two.
 const OF_MOTION: f64 = 0.5;
 
 /// Chooses the low-pass for joint positions `[samples, n]`, row-major.
 ///
-/// Motion dies out with frequency; the noise of an encoder does not, and in the acceleration it grows with the fourth
-/// power. So the spectrum of the acceleration, position times (2 pi f)^4, falls, has a lowest point and rises again. Below
-/// that point there is more motion than noise, above it more noise than motion, whatever colour either has: it is the
-/// cut-off. Of a motion that hides in the noise of its speed the spectrum of the acceleration has no such point: such joints
+/// Motion dies out with frequency; the noise of an encoder does not, and in the acceleration it
+/// grows with the fourth power. So the spectrum of the acceleration, position times (2 pi f)^4,
+/// falls, has a lowest point and rises again. Below that point there is more motion than noise,
+/// above it more noise than motion, whatever colour either has: it is the cut-off. Of a motion that
+/// hides in the noise of its speed the spectrum of the acceleration has no such point: such joints
 /// are asked only where no other moves.
 pub fn choose_cutoff(position: &[f64], joints: usize, rate_hz: f64) -> CutoffChoice {
     let samples = position.len() / joints;
-    // Windows of some eight seconds resolve the slow end, and average the noise of a log of a minute.
+    // Windows of some eight seconds resolve the slow end, and average the noise of a log of a
+    // minute.
     let whole = (8.0 * rate_hz) as usize;
     let window = whole.clamp(64, samples.max(64));
     let of_joint = |joint: usize| {
         let signal: Vec<f64> = position.iter().skip(joint).step_by(joints).copied().collect();
         Spectrum::welch(&signal, rate_hz, window)
     };
-    CutoffChoice::of((0..joints).map(of_joint).collect(), rate_hz, samples as f64 / rate_hz, samples < whole)
+    CutoffChoice::of(
+        (0..joints).map(of_joint).collect(),
+        rate_hz,
+        samples as f64 / rate_hz,
+        samples < whole,
+    )
 }
 
 impl CutoffChoice {
@@ -163,13 +179,24 @@ impl CutoffChoice {
         };
         let lowest: Vec<LowestAcceleration> = spectra.iter().map(LowestAcceleration::of).collect();
         let most = lowest.iter().map(|own| own.speed_density).fold(0.0, f64::max);
-        let is_seen = |own: &&LowestAcceleration| own.of_motion > OF_MOTION && own.speed_density >= HELD * most;
-        let joint_hz: Vec<f64> = lowest.iter().map(|own| Some(own).filter(is_seen).map_or(0.0, |own| own.hz)).collect();
+        let is_seen = |own: &&LowestAcceleration| {
+            own.of_motion > OF_MOTION && own.speed_density >= HELD * most
+        };
+        let joint_hz: Vec<f64> =
+            lowest.iter().map(|own| Some(own).filter(is_seen).map_or(0.0, |own| own.hz)).collect();
         let of_all: Vec<f64> = lowest.iter().map(|own| own.hz).collect();
-        let highest = |all: &[f64]| Some(all.iter().copied().fold(0.0, f64::max)).filter(|hz| *hz > 0.0);
+        let highest =
+            |all: &[f64]| Some(all.iter().copied().fold(0.0, f64::max)).filter(|hz| *hz > 0.0);
         let highest = highest(&joint_hz).or_else(|| highest(&of_all));
         let cutoff_hz = highest.unwrap_or(f64::INFINITY).min(HIGHEST_CUTOFF * rate_hz);
-        Self { cutoff_hz, joint_hz, noise: spectra.iter().map(noise).collect(), spectra, duration, is_rough }
+        Self {
+            cutoff_hz,
+            joint_hz,
+            noise: spectra.iter().map(noise).collect(),
+            spectra,
+            duration,
+            is_rough,
+        }
     }
 
     /// Whether the motion of a joint can be seen.
@@ -177,14 +204,17 @@ impl CutoffChoice {
         self.joint_hz.iter().any(|hz| *hz > 0.0)
     }
 
-    /// The cut-off for several signals, Hz: the highest of theirs, so that the motion of each passes. The highest of many rough
-    /// ones would be chance; those that are rough are judged by what all spectra say together. A signal in which nothing
-    /// moves has no motion to keep: it is asked only where none has. None of no signals.
+    /// The cut-off for several signals, Hz: the highest of theirs, so that the motion of each
+    /// passes. The highest of many rough ones would be chance; those that are rough are judged by
+    /// what all spectra say together. A signal in which nothing moves has no motion to keep: it is
+    /// asked only where none has. None of no signals.
     pub fn highest_hz(choices: &[Self]) -> Option<f64> {
         let some_move = choices.iter().any(Self::sees_motion);
-        let asked: Vec<&Self> = choices.iter().filter(|choice| !some_move || choice.sees_motion()).collect();
+        let asked: Vec<&Self> =
+            choices.iter().filter(|choice| !some_move || choice.sees_motion()).collect();
         let fine = asked.iter().filter(|choice| !choice.is_rough).map(|choice| choice.cutoff_hz);
-        let rough = asked.iter().any(|choice| choice.is_rough).then(|| Self::together(&asked).cutoff_hz);
+        let rough =
+            asked.iter().any(|choice| choice.is_rough).then(|| Self::together(&asked).cutoff_hz);
         fine.chain(rough).reduce(f64::max)
     }
 
@@ -193,14 +223,20 @@ impl CutoffChoice {
         let first_spectra = choices.iter().map(|choice| &choice.spectra[0]);
         let rate_hz = first_spectra.clone().map(Spectrum::rate_hz).fold(f64::INFINITY, f64::min);
         let step = first_spectra.map(Spectrum::step_hz).fold(f64::INFINITY, f64::min);
-        let frequency_hz: Vec<f64> = (0..=(0.5 * rate_hz / step).round() as usize).map(|k| k as f64 * step).collect();
+        let frequency_hz: Vec<f64> =
+            (0..=(0.5 * rate_hz / step).round() as usize).map(|k| k as f64 * step).collect();
         let duration = choices.iter().map(|choice| choice.duration).sum();
         let of_joint = |joint: usize| {
             let density = |hz: &f64| -> f64 {
-                let own = choices.iter().map(|choice| choice.duration / duration * choice.spectra[joint].at(*hz));
+                let own = choices
+                    .iter()
+                    .map(|choice| choice.duration / duration * choice.spectra[joint].at(*hz));
                 own.sum()
             };
-            Spectrum { density: frequency_hz.iter().map(density).collect(), frequency_hz: frequency_hz.clone() }
+            Spectrum {
+                density: frequency_hz.iter().map(density).collect(),
+                frequency_hz: frequency_hz.clone(),
+            }
         };
         let spectra = (0..choices[0].spectra.len()).map(of_joint).collect();
         Self::of(spectra, rate_hz, duration, choices.iter().all(|choice| choice.is_rough))
@@ -237,14 +273,16 @@ impl LowestAcceleration {
         if peak > bins / 2 {
             return Self { hz: 0.0, speed_density, of_motion };
         }
-        // Averages over bands a third of an octave wide, so that single lines and dips do not decide.
+        // Averages over bands a third of an octave wide, so that single lines and dips do not
+        // decide.
         let smoothed = |centre: usize| {
             let half_band = (centre as f64 * 0.13).ceil() as usize;
             let band = centre.saturating_sub(half_band).max(1)..(centre + half_band + 1).min(bins);
             let count = band.len() as f64;
             band.map(|k| power(k, 4)).sum::<f64>() / count
         };
-        let lowest = (peak..upper).min_by(|&a, &b| smoothed(a).total_cmp(&smoothed(b))).unwrap_or(peak);
+        let lowest =
+            (peak..upper).min_by(|&a, &b| smoothed(a).total_cmp(&smoothed(b))).unwrap_or(peak);
         Self { hz: spectrum.frequency_hz[lowest], speed_density, of_motion }
     }
 }
@@ -263,7 +301,9 @@ mod tests {
         let mut state = seed;
         move || {
             let mut uniform = || {
-                state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+                state = state
+                    .wrapping_mul(6_364_136_223_846_793_005)
+                    .wrapping_add(1_442_695_040_888_963_407);
                 ((state >> 11) as f64 + 0.5) / (1u64 << 53) as f64
             };
             (-2.0 * uniform().ln()).sqrt() * (std::f64::consts::TAU * uniform()).cos()
@@ -282,10 +322,12 @@ mod tests {
 
     #[test]
     fn density_of_a_sine_stands_at_its_frequency() {
-        let signal: Vec<f64> =
-            (0..8000).map(|k| 2.0 * (std::f64::consts::TAU * 5.0 * f64::from(k) / 100.0).sin()).collect();
+        let signal: Vec<f64> = (0..8000)
+            .map(|k| 2.0 * (std::f64::consts::TAU * 5.0 * f64::from(k) / 100.0).sin())
+            .collect();
         let spectrum = Spectrum::welch(&signal, 100.0, 800);
-        let peak = (0..spectrum.density.len()).max_by(|a, b| spectrum.density[*a].total_cmp(&spectrum.density[*b]));
+        let peak = (0..spectrum.density.len())
+            .max_by(|a, b| spectrum.density[*a].total_cmp(&spectrum.density[*b]));
         assert!((spectrum.frequency_hz[peak.expect("not empty")] - 5.0).abs() < 0.13);
         let power: f64 = spectrum.density.iter().sum::<f64>() * spectrum.frequency_hz[1];
         assert!((power - 2.0).abs() < 0.02, "{power}");
@@ -293,14 +335,18 @@ mod tests {
 
     #[test]
     fn the_cutoff_is_where_the_motion_sinks_into_the_noise() {
-        // Motion whose density falls steeply: harmonics of 0.5 Hz with amplitudes f^-4, noise of 20 µrad.
+        // Motion whose density falls steeply: harmonics of 0.5 Hz with amplitudes f^-4, noise of 20
+        // µrad.
         let mut next = noise(2);
         let rate = 250.0;
         let position: Vec<f64> = (0..15_000)
             .flat_map(|k| {
                 let t = f64::from(k) / rate;
-                let motion: f64 =
-                    (1..40).map(|h| f64::from(h).powi(-4) * (std::f64::consts::PI * f64::from(h) * t).sin()).sum();
+                let motion: f64 = (1..40)
+                    .map(|h| {
+                        f64::from(h).powi(-4) * (std::f64::consts::PI * f64::from(h) * t).sin()
+                    })
+                    .sum();
                 [motion + 2e-5 * next(), 1.0 + 2e-5 * next()]
             })
             .collect();
@@ -308,8 +354,8 @@ mod tests {
         for found in &choice.noise {
             assert!((found / 2e-5 - 1.0).abs() < 0.1, "{found}");
         }
-        // The line of harmonic h has power h^-8 / 2 per 0.5 Hz; it equals the noise density 2 (2e-5)² / 250 at h = 28,
-        // 14 Hz. The sum of h^-4 and h^4 is lowest there, and flat around.
+        // The line of harmonic h has power h^-8 / 2 per 0.5 Hz; it equals the noise density 2
+        // (2e-5)² / 250 at h = 28, 14 Hz. The sum of h^-4 and h^4 is lowest there, and flat around.
         assert!((9.0..18.0).contains(&choice.cutoff_hz), "{}", choice.cutoff_hz);
         assert_eq!(choice.joint_hz[1], 0.0, "the second joint stands still");
     }
@@ -322,20 +368,31 @@ mod tests {
         let position: Vec<f64> = (0..6000)
             .map(|k| {
                 let t = f64::from(k) / rate;
-                let wave = |h: i32| (-2.0 * f64::from(h).sqrt()).exp() * (1.3 * f64::from(h) * t).sin();
+                let wave =
+                    |h: i32| (-2.0 * f64::from(h).sqrt()).exp() * (1.3 * f64::from(h) * t).sin();
                 (1..60).map(wave).sum::<f64>() + 2e-4 * next()
             })
             .collect();
         let whole = choose_cutoff(&position, 1, rate);
         assert!(!whole.is_rough && whole.duration == 60.0);
-        let pieces: Vec<CutoffChoice> = position.chunks(300).map(|piece| choose_cutoff(piece, 1, rate)).collect();
+        let pieces: Vec<CutoffChoice> =
+            position.chunks(300).map(|piece| choose_cutoff(piece, 1, rate)).collect();
         assert!(pieces.iter().all(|piece| piece.is_rough));
         let highest = pieces.iter().map(|piece| piece.cutoff_hz).fold(0.0, f64::max);
         let together = CutoffChoice::highest_hz(&pieces).expect("some signals");
-        assert!((together / whole.cutoff_hz - 1.0).abs() < 0.2, "{together} Hz, in one {} Hz", whole.cutoff_hz);
-        assert!(highest > 1.4 * whole.cutoff_hz, "one piece alone {highest} Hz, in one {} Hz", whole.cutoff_hz);
+        assert!(
+            (together / whole.cutoff_hz - 1.0).abs() < 0.2,
+            "{together} Hz, in one {} Hz",
+            whole.cutoff_hz
+        );
+        assert!(
+            highest > 1.4 * whole.cutoff_hz,
+            "one piece alone {highest} Hz, in one {} Hz",
+            whole.cutoff_hz
+        );
         // A long signal keeps its own say beside short ones; without signals there is none.
-        let mixed = CutoffChoice::highest_hz(&[whole.clone(), pieces[0].clone()]).expect("two signals");
+        let mixed =
+            CutoffChoice::highest_hz(&[whole.clone(), pieces[0].clone()]).expect("two signals");
         assert!(mixed >= whole.cutoff_hz && mixed < 1.2 * whole.cutoff_hz, "{mixed}");
         assert_eq!(CutoffChoice::highest_hz(&[]), None);
     }
@@ -361,9 +418,14 @@ mod tests {
         // A ramp with the noise of a sensor, which wobbles 30 times a second.
         let mut next = noise(5);
         let wobble = |k: i32| 1e-5 * (std::f64::consts::TAU * 30.0 * f64::from(k) / 250.0).sin();
-        let ramp: Vec<f64> = (0..2500).map(|k| 0.002 * f64::from(k) + wobble(k) + 1e-5 * next()).collect();
+        let ramp: Vec<f64> =
+            (0..2500).map(|k| 0.002 * f64::from(k) + wobble(k) + 1e-5 * next()).collect();
         let choice = choose_cutoff(&ramp, 1, 250.0);
         assert_eq!(choice.joint_hz, [0.0]);
-        assert!(choice.cutoff_hz > 20.0, "where nothing else moves the wobble is all there is: {}", choice.cutoff_hz);
+        assert!(
+            choice.cutoff_hz > 20.0,
+            "where nothing else moves the wobble is all there is: {}",
+            choice.cutoff_hz
+        );
     }
 }

@@ -10,8 +10,8 @@ pub fn dot(a: &[f64], b: &[f64]) -> f64 {
 /// Shorter columns are not worth the choice of an instruction set.
 const LONG: usize = 32;
 
-/// Sum of the products of long columns, in several sums, so that the additions need not wait for each other. Of columns
-/// of different lengths the shorter counts.
+/// Sum of the products of long columns, in several sums, so that the additions need not wait for
+/// each other. Of columns of different lengths the shorter counts.
 pub fn dot_in_lanes(a: &[f64], b: &[f64]) -> f64 {
     let length = a.len().min(b.len());
     if length < LONG {

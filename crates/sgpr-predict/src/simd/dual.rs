@@ -3,7 +3,8 @@ use core::ops::{Add, Mul, Neg, Sub};
 
 use super::Real;
 
-/// A value with its derivatives in `N` directions: forward automatic differentiation of what is written over [`Real`].
+/// A value with its derivatives in `N` directions: forward automatic differentiation of what is
+/// written over [`Real`].
 #[derive(Clone, Copy, Debug)]
 pub struct Dual<T, const N: usize> {
     /// The value.

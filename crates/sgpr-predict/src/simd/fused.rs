@@ -2,7 +2,8 @@ use std::ops::{Add, Mul, Neg, Sub};
 
 use super::Real;
 
-/// A number whose `mul_add` is the machine's fused instruction; only used inside code compiled for such a machine.
+/// A number whose `mul_add` is the machine's fused instruction; only used inside code compiled for
+/// such a machine.
 #[derive(Clone, Copy, Debug, Default, PartialEq, PartialOrd)]
 #[repr(transparent)]
 pub struct Fused(pub f64);

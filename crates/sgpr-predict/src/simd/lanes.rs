@@ -7,7 +7,8 @@ use super::Real;
 /// Lanes of the widest instruction set.
 pub const MAX_LANES: usize = 8;
 
-/// As many numbers as a register of the instruction set `S` holds: the same joint of that many samples.
+/// As many numbers as a register of the instruction set `S` holds: the same joint of that many
+/// samples.
 #[derive(Clone, Copy, Debug)]
 pub struct Lanes<S: Simd> {
     simd: S,

@@ -1,8 +1,9 @@
 //! One source for one sample and for many: arithmetic generic over the scalar type.
 //!
-//! A recursion written over [`Real`] runs on a single number ([`f64`], `Fused`), on one sample per register lane
-//! (`Lanes`) and on any further type that brings the same operations (dual numbers). The instruction set is chosen
-//! when the program runs, by `pulp::Arch`, so one binary serves every machine.
+//! A recursion written over [`Real`] runs on a single number ([`f64`], `Fused`), on one sample per
+//! register lane (`Lanes`) and on any further type that brings the same operations (dual numbers).
+//! The instruction set is chosen when the program runs, by `pulp::Arch`, so one binary serves every
+//! machine.
 
 #[cfg(feature = "simd")]
 mod dot;

@@ -7,10 +7,11 @@ use super::Real;
 #[cfg(not(feature = "std"))]
 use crate::math as of_f64;
 
-/// A number as laws of friction and other effects need it: what is written over it runs on a sample, and can be recorded
-/// as an expression from which code is made.
+/// A number as laws of friction and other effects need it: what is written over it runs on a
+/// sample, and can be recorded as an expression from which code is made.
 ///
-/// Values cannot be branched on, as an expression has none: [`Self::where_positive`] and [`Self::clamp`] choose.
+/// Values cannot be branched on, as an expression has none: [`Self::where_positive`] and
+/// [`Self::clamp`] choose.
 pub trait Number:
     Real<Token = ()>
     + Add<f64, Output = Self>

@@ -23,7 +23,8 @@ pub fn pair_products<S: Simd>(simd: S, a: S::u32s, b: S::u32s) -> S::u32s {
         return cast(simd.multiply_wrapping_add_adjacent_i16x16(cast(a), cast(b)));
     }
     let mut products = simd.splat_u32s(0);
-    let numbers = |register| bytemuck::cast_slice::<S::u32s, [i16; 2]>(std::slice::from_ref(register));
+    let numbers =
+        |register| bytemuck::cast_slice::<S::u32s, [i16; 2]>(std::slice::from_ref(register));
     let words = bytemuck::cast_slice_mut::<S::u32s, i32>(std::slice::from_mut(&mut products));
     for ((product, a), b) in words.iter_mut().zip(numbers(&a)).zip(numbers(&b)) {
         let [first, second] = [0, 1].map(|k| i32::from(a[k]) * i32::from(b[k]));
@@ -44,7 +45,8 @@ mod tests {
 
         fn with_simd<S: Simd>(self, simd: S) -> Vec<i32> {
             let registers = S::as_simd_u32s(self.0).0.iter().zip(S::as_simd_u32s(self.1).0);
-            let products: Vec<S::u32s> = registers.map(|(a, b)| pair_products(simd, *a, *b)).collect();
+            let products: Vec<S::u32s> =
+                registers.map(|(a, b)| pair_products(simd, *a, *b)).collect();
             bytemuck::cast_slice(&products).to_vec()
         }
     }
@@ -56,9 +58,12 @@ mod tests {
             (0..64).map(|k| [next(k), next(k + 64)]).collect()
         };
         let (a, b) = (numbers(31_337), numbers(7_919));
-        let words = |numbers: &[[i16; 2]]| -> Vec<u32> { numbers.iter().map(|n| pair(*n)).collect() };
+        let words =
+            |numbers: &[[i16; 2]]| -> Vec<u32> { numbers.iter().map(|n| pair(*n)).collect() };
         let (a_words, b_words) = (words(&a), words(&b));
-        let product = |(a, b): (&[i16; 2], &[i16; 2])| (0..2).map(|k| i32::from(a[k]) * i32::from(b[k])).sum();
+        let product = |(a, b): (&[i16; 2], &[i16; 2])| {
+            (0..2).map(|k| i32::from(a[k]) * i32::from(b[k])).sum()
+        };
         let expected: Vec<i32> = a.iter().zip(&b).map(product).collect();
         assert_eq!(Scalar::new().vectorize(Products(&a_words, &b_words)), expected);
         assert_eq!(Arch::new().dispatch(Products(&a_words, &b_words)), expected);

@@ -1,18 +1,20 @@
-//! Powers of two of numbers that are not positive, a register at a time: the exponential of kernels, whose logarithm has a
-//! factor before it anyhow.
+//! Powers of two of numbers that are not positive, a register at a time: the exponential of
+//! kernels, whose logarithm has a factor before it anyhow.
 
 use super::registers::{Simd, lanes_f32, lanes_f64};
 
-/// Below this the result is zero: numbers close to the smallest ones would slow every product down that they enter,
-/// and 1e-38 of a variance says nothing.
+/// Below this the result is zero: numbers close to the smallest ones would slow every product down
+/// that they enter, and 1e-38 of a variance says nothing.
 const LOWEST: f64 = -125.5;
 
-/// Adding and subtracting these rounds to an integer whose low bits stand in the low bits of the sum.
+/// Adding and subtracting these rounds to an integer whose low bits stand in the low bits of the
+/// sum.
 const ROUND_F64: f64 = 6_755_399_441_055_744.0; // 1.5 * 2^52
 const ROUND_F32: f32 = 12_582_912.0; // 1.5 * 2^23
 
-/// Coefficients of 2^x on [-1/2, 1/2] from the highest. In 64 bits those of Taylor, (ln 2)^k / k!, with a rest below 2e-16; in 32
-/// bits those of the polynomial through the Chebyshev nodes, within 3e-9.
+/// Coefficients of 2^x on [-1/2, 1/2] from the highest. In 64 bits those of Taylor, (ln 2)^k / k!,
+/// with a rest below 2e-16; in 32 bits those of the polynomial through the Chebyshev nodes, within
+/// 3e-9.
 const SERIES_F64: [f64; 13] = [
     2.567_843_599_348_82e-11,
     4.445_538_271_870_81e-10,
@@ -45,8 +47,11 @@ macro_rules! power_of_two {
             }
             // Times a power of an integer, by way of the exponent.
             let (mut scaled, mut rounded) = (power, rounded);
-            for (lane, integer) in $lanes::<S>(&mut scaled).iter_mut().zip($lanes::<S>(&mut rounded)) {
-                *lane = <$float>::from_bits(lane.to_bits().wrapping_add(integer.to_bits() << $shift));
+            for (lane, integer) in
+                $lanes::<S>(&mut scaled).iter_mut().zip($lanes::<S>(&mut rounded))
+            {
+                *lane =
+                    <$float>::from_bits(lane.to_bits().wrapping_add(integer.to_bits() << $shift));
             }
             simd.$select(simd.$less(x, simd.$splat(LOWEST as $float)), simd.$splat(0.0), scaled)
         }
@@ -95,7 +100,8 @@ mod tests {
         type Output = ();
 
         fn with_simd<S: Simd>(self, simd: S) {
-            let ((wide, rest), (narrow, other_rest)) = (S::as_mut_simd_f64s(self.0), S::as_mut_simd_f32s(self.1));
+            let ((wide, rest), (narrow, other_rest)) =
+                (S::as_mut_simd_f64s(self.0), S::as_mut_simd_f32s(self.1));
             assert!(rest.is_empty() && other_rest.is_empty(), "whole registers");
             wide.iter_mut().for_each(|x| *x = power_of_two_f64(simd, *x));
             narrow.iter_mut().for_each(|x| *x = power_of_two_f32(simd, *x));
@@ -104,14 +110,18 @@ mod tests {
 
     #[test]
     fn agrees_with_the_standard_library_within_two_units_in_the_last_place() {
-        let mut x: Vec<f64> = (0..125_000).map(|k| -0.001 * f64::from(k)).chain([-0.0, -1e-300, -1e-9]).collect();
+        let mut x: Vec<f64> =
+            (0..125_000).map(|k| -0.001 * f64::from(k)).chain([-0.0, -1e-300, -1e-9]).collect();
         x.resize(x.len().next_multiple_of(16), -1.0);
         let (mut wide, mut narrow) = (x.clone(), x.iter().map(|x| *x as f32).collect::<Vec<_>>());
         Arch::new().dispatch(Both(&mut wide, &mut narrow));
         for ((x, wide), narrow) in x.iter().zip(&wide).zip(&narrow) {
             assert!((wide - x.exp2()).abs() <= 2.0 * f64::EPSILON * x.exp2(), "{x}: {wide:e}");
             let expected = f64::from(*x as f32).exp2();
-            assert!((f64::from(*narrow) - expected).abs() <= 2.0 * f64::from(f32::EPSILON) * expected, "{x}");
+            assert!(
+                (f64::from(*narrow) - expected).abs() <= 2.0 * f64::from(f32::EPSILON) * expected,
+                "{x}"
+            );
         }
         let mut far = [-125.6, -1e3, -1e300, f64::NEG_INFINITY].repeat(4);
         Arch::new().dispatch(Both(&mut far, &mut [-126.0, -1e30].repeat(8)));

@@ -3,15 +3,24 @@ use core::ops::{Add, Mul, Neg, Sub};
 
 /// A number as the recursions of this crate need it.
 ///
-/// `Token` is the proof that the instructions behind the type exist on this machine; it is zero-sized and nothing for
-/// plain numbers.
+/// `Token` is the proof that the instructions behind the type exist on this machine; it is
+/// zero-sized and nothing for plain numbers.
 pub trait Real:
-    Copy + Debug + Send + Sync + 'static + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Neg<Output = Self>
+    Copy
+    + Debug
+    + Send
+    + Sync
+    + 'static
+    + Add<Output = Self>
+    + Sub<Output = Self>
+    + Mul<Output = Self>
+    + Neg<Output = Self>
 {
     /// What is needed to make a value out of nothing.
     type Token: Copy;
 
-    /// Numbers that a robot is kept in for recursions over this one, so that none is converted in them.
+    /// Numbers that a robot is kept in for recursions over this one, so that none is converted in
+    /// them.
     type Constant: Copy + Debug + Send + Sync;
 
     /// `value` as such a number.

@@ -1,4 +1,5 @@
-//! Registers that kernels are computed in: those of the machine with the feature `simd`, else of one number each.
+//! Registers that kernels are computed in: those of the machine with the feature `simd`, else of
+//! one number each.
 
 #[cfg(not(feature = "simd"))]
 pub use super::scalar::{Arch, Simd, WithSimd};

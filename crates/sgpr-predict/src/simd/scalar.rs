@@ -1,4 +1,5 @@
-//! As much of `pulp` as kernels are computed with, for a machine of which nothing is known: one number per register.
+//! As much of `pulp` as kernels are computed with, for a machine of which nothing is known: one
+//! number per register.
 
 #![allow(missing_docs, reason = "names of pulp")]
 
@@ -53,10 +54,20 @@ macro_rules! operations {
                 fn $div(self, a: Self::$registers, b: Self::$registers) -> Self::$registers;
                 fn $max(self, a: Self::$registers, b: Self::$registers) -> Self::$registers;
                 fn $sqrt(self, a: Self::$registers) -> Self::$registers;
-                fn $mul_add(self, a: Self::$registers, b: Self::$registers, c: Self::$registers) -> Self::$registers;
+                fn $mul_add(
+                    self,
+                    a: Self::$registers,
+                    b: Self::$registers,
+                    c: Self::$registers,
+                ) -> Self::$registers;
                 fn $sum(self, a: Self::$registers) -> $float;
                 fn $less(self, a: Self::$registers, b: Self::$registers) -> Self::$mask;
-                fn $select(self, mask: Self::$mask, yes: Self::$registers, no: Self::$registers) -> Self::$registers;
+                fn $select(
+                    self,
+                    mask: Self::$mask,
+                    yes: Self::$registers,
+                    no: Self::$registers,
+                ) -> Self::$registers;
             };
         }
 

@@ -7,8 +7,8 @@ use super::{Number, Real};
 #[cfg(not(feature = "std"))]
 use crate::math::single as of_f32;
 
-/// A number of 32 bits, for processors without instructions for 64: a type of its own, because `f32` cannot be added to the
-/// constants of 64 bits that laws are written with.
+/// A number of 32 bits, for processors without instructions for 64: a type of its own, because
+/// `f32` cannot be added to the constants of 64 bits that laws are written with.
 #[derive(Clone, Copy, Debug, Default, PartialEq, PartialOrd)]
 #[repr(transparent)]
 pub struct Single(pub f32);

@@ -6,7 +6,8 @@ use super::{Lanes, MAX_LANES};
 
 /// Turns ten registers into one row of ten numbers per lane.
 ///
-/// `pulp`'s fast interleaving leaves the lanes in an order of its own, found here by interleaving lane numbers.
+/// `pulp`'s fast interleaving leaves the lanes in an order of its own, found here by interleaving
+/// lane numbers.
 #[derive(Clone, Copy, Debug)]
 pub struct Transpose<S: Simd> {
     simd: S,
@@ -20,12 +21,19 @@ impl<S: Simd> Transpose<S> {
     #[inline(always)]
     pub fn new(simd: S, count: usize, stride: usize) -> Self {
         const { assert!(S::F64_LANES <= MAX_LANES) };
-        let numbers = simd.partial_load_f64s(&[0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0][..S::F64_LANES]);
-        let mut order = Self { simd, starts_of_twos: [NOWHERE; MAX_LANES], starts_of_fours: [NOWHERE; MAX_LANES] };
+        let numbers =
+            simd.partial_load_f64s(&[0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0][..S::F64_LANES]);
+        let mut order = Self {
+            simd,
+            starts_of_twos: [NOWHERE; MAX_LANES],
+            starts_of_fours: [NOWHERE; MAX_LANES],
+        };
         let twos = simd.interleave_shfl_f64s([numbers; 2]);
         let fours = simd.interleave_shfl_f64s([numbers; 4]);
-        let twos = bytemuck::cast_slice::<S::f64s, [f64; 2]>(&twos).iter().map(|group| group[0] as usize);
-        let fours = bytemuck::cast_slice::<S::f64s, [f64; 4]>(&fours).iter().map(|group| group[0] as usize);
+        let twos =
+            bytemuck::cast_slice::<S::f64s, [f64; 2]>(&twos).iter().map(|group| group[0] as usize);
+        let fours =
+            bytemuck::cast_slice::<S::f64s, [f64; 4]>(&fours).iter().map(|group| group[0] as usize);
         for (group, (lane_of_two, lane_of_four)) in twos.zip(fours).enumerate() {
             if lane_of_two < count {
                 order.starts_of_twos[group] = lane_of_two * stride;
@@ -41,8 +49,10 @@ impl<S: Simd> Transpose<S> {
     #[inline(always)]
     pub fn write_rows(&self, block: [Lanes<S>; 10], target: &mut [f64]) {
         let [a, b, c, d, e, f, g, h, i, j] = block;
-        let first = self.simd.interleave_shfl_f64s([a.values(), b.values(), c.values(), d.values()]);
-        let second = self.simd.interleave_shfl_f64s([e.values(), f.values(), g.values(), h.values()]);
+        let first =
+            self.simd.interleave_shfl_f64s([a.values(), b.values(), c.values(), d.values()]);
+        let second =
+            self.simd.interleave_shfl_f64s([e.values(), f.values(), g.values(), h.values()]);
         let third = self.simd.interleave_shfl_f64s([i.values(), j.values()]);
         let first = bytemuck::cast_slice::<S::f64s, [f64; 4]>(&first);
         let second = bytemuck::cast_slice::<S::f64s, [f64; 4]>(&second);

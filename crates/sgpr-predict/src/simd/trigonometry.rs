@@ -5,7 +5,8 @@ use pulp::{Arch, Simd, WithSimd};
 /// Beyond this the three-part reduction below loses bits, and the library function is used instead.
 const LARGEST_ANGLE: f64 = 1e5;
 
-/// Adding and subtracting this rounds to an integer whose low bits stand in the low bits of the sum.
+/// Adding and subtracting this rounds to an integer whose low bits stand in the low bits of the
+/// sum.
 const ROUND_TO_INTEGER: f64 = 6_755_399_441_055_744.0; // 1.5 * 2^52
 
 // pi/2 in three parts of 53 bits each.
@@ -13,7 +14,8 @@ const HALF_PI_1: f64 = std::f64::consts::FRAC_PI_2;
 const HALF_PI_2: f64 = 6.123_233_995_736_766e-17;
 const HALF_PI_3: f64 = -1.497_384_904_859_169_8e-33;
 
-/// Minimax coefficients on [-pi/4, pi/4], from fdlibm's `__kernel_sin` and `__kernel_cos` (Sun Microsystems, 1993).
+/// Minimax coefficients on [-pi/4, pi/4], from fdlibm's `__kernel_sin` and `__kernel_cos` (Sun
+/// Microsystems, 1993).
 const SIN: [f64; 6] = [
     -1.666_666_666_666_663_2e-1,
     8.333_333_333_322_49e-3,
@@ -31,8 +33,8 @@ const COS: [f64; 6] = [
     -1.135_964_755_778_819_5e-11,
 ];
 
-/// Writes sin(x) and cos(x) of every `x` of `angle`; within 2 units in the last place, also for large and non-finite
-/// angles.
+/// Writes sin(x) and cos(x) of every `x` of `angle`; within 2 units in the last place, also for
+/// large and non-finite angles.
 ///
 /// All three slices have the same length.
 #[inline(always)]
@@ -86,7 +88,8 @@ impl WithSimd for Cosines<'_> {
     }
 }
 
-/// Cody-Waite reduction to [-pi/4, pi/4] and two polynomials; the quadrant swaps them and sets the signs.
+/// Cody-Waite reduction to [-pi/4, pi/4] and two polynomials; the quadrant swaps them and sets the
+/// signs.
 #[inline(always)]
 fn sin_cos<S: Simd>(simd: S, x: S::f64s) -> (S::f64s, S::f64s) {
     let magic = simd.splat_f64s(ROUND_TO_INTEGER);
@@ -157,7 +160,8 @@ mod tests {
 
     #[test]
     fn agrees_with_the_standard_library_within_two_units_in_the_last_place() {
-        // Multiples of pi/2 are where the reduction cancels; an irrational step visits every quadrant.
+        // Multiples of pi/2 are where the reduction cancels; an irrational step visits every
+        // quadrant.
         let angle: Vec<f64> = (-40_000..40_000)
             .map(|k| f64::from(k) * 0.037_123)
             .chain((-200..200).map(|k| f64::from(k) * std::f64::consts::FRAC_PI_2))
@@ -167,7 +171,10 @@ mod tests {
         for ((x, s), c) in angle.iter().zip(&sin).zip(&cos) {
             for (value, expected) in [(s, x.sin()), (c, x.cos())] {
                 let tolerance = 2.0 * f64::EPSILON * expected.abs().max(1e-17);
-                assert!((value - expected).abs() <= tolerance, "{x}: {value:e} against {expected:e}");
+                assert!(
+                    (value - expected).abs() <= tolerance,
+                    "{x}: {value:e} against {expected:e}"
+                );
             }
         }
     }

@@ -14,7 +14,8 @@ pub const STANDARD_PARAMETER_NAMES: [&str; PARAMETERS_PER_LINK] =
 pub const STANDARD_PARAMETER_UNITS: [&str; PARAMETERS_PER_LINK] =
     ["kg", "kg·m", "kg·m", "kg·m", "kg·m²", "kg·m²", "kg·m²", "kg·m²", "kg·m²", "kg·m²"];
 
-/// Inertia of one link as it enters the torque linearly: about the origin of the link frame, in its axes.
+/// Inertia of one link as it enters the torque linearly: about the origin of the link frame, in its
+/// axes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LinkInertia<T = f64> {
     /// Mass, kg.
@@ -41,9 +42,18 @@ impl LinkInertia {
     /// No inertia at all.
     pub const ZERO: Self = Self { mass: 0.0, first_moment: Vector3::ZERO, inertia: Matrix3::ZERO };
 
-    /// From mass, centre of mass (m) and inertia about the centre of mass (kg·m²), all in the link frame's axes.
-    pub fn from_centre_of_mass(mass: f64, centre: Vector3<f64>, inertia_at_centre: Matrix3<f64>) -> Self {
-        Self { mass, first_moment: centre * mass, inertia: inertia_at_centre + steiner(mass, centre) }
+    /// From mass, centre of mass (m) and inertia about the centre of mass (kg·m²), all in the link
+    /// frame's axes.
+    pub fn from_centre_of_mass(
+        mass: f64,
+        centre: Vector3<f64>,
+        inertia_at_centre: Matrix3<f64>,
+    ) -> Self {
+        Self {
+            mass,
+            first_moment: centre * mass,
+            inertia: inertia_at_centre + steiner(mass, centre),
+        }
     }
 
     /// From the ten standard parameters m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz.
@@ -51,7 +61,11 @@ impl LinkInertia {
         Self {
             mass: p[0],
             first_moment: Vector3::new(p[1], p[2], p[3]),
-            inertia: Matrix3::from_rows([[p[4], p[5], p[7]], [p[5], p[6], p[8]], [p[7], p[8], p[9]]]),
+            inertia: Matrix3::from_rows([
+                [p[4], p[5], p[7]],
+                [p[5], p[6], p[8]],
+                [p[7], p[8], p[9]],
+            ]),
         }
     }
 
@@ -80,8 +94,8 @@ impl LinkInertia {
         if self.mass != 0.0 {
             return Self::from_centre_of_mass(self.mass, centre, turned);
         }
-        // A first moment without mass does not belong to a body, but identified parameters may have one: the
-        // transformation of the parameters is linear, and this is its general form.
+        // A first moment without mass does not belong to a body, but identified parameters may have
+        // one: the transformation of the parameters is linear, and this is its general form.
         let h = rotation * self.first_moment;
         let t = x_ab.translation;
         let hat = |a, b| Matrix3::skew(a) * Matrix3::skew(b);
@@ -93,13 +107,14 @@ impl LinkInertia {
         }
     }
 
-    /// The 4 x 4 pseudo-inertia matrix `[[S, h], [hᵀ, m]]` with S = tr(I)/2 1 - I, row-major; the parameters belong to
-    /// a real body if and only if it is positive semidefinite.
+    /// The 4 x 4 pseudo-inertia matrix `[[S, h], [hᵀ, m]]` with S = tr(I)/2 1 - I, row-major; the
+    /// parameters belong to a real body if and only if it is positive semidefinite.
     ///
-    /// Source: P. M. Wensing, S. Kim, J.-J. Slotine, Linear matrix inequalities for physically consistent inertial
-    /// parameter identification, IEEE RA-L 3(1) (2018), eq. 14.
+    /// Source: P. M. Wensing, S. Kim, J.-J. Slotine, Linear matrix inequalities for physically
+    /// consistent inertial parameter identification, IEEE RA-L 3(1) (2018), eq. 14.
     pub fn pseudo_inertia(&self) -> [[f64; 4]; 4] {
-        let half_trace = 0.5 * (self.inertia.get(0, 0) + self.inertia.get(1, 1) + self.inertia.get(2, 2));
+        let half_trace =
+            0.5 * (self.inertia.get(0, 0) + self.inertia.get(1, 1) + self.inertia.get(2, 2));
         let h = self.first_moment.to_array();
         let mut matrix = [[0.0; 4]; 4];
         for row in 0..3 {
@@ -115,7 +130,8 @@ impl LinkInertia {
     }
 
     #[cfg(feature = "files")]
-    /// Smallest eigenvalue of [`Self::pseudo_inertia`]; negative for parameters that no real body has.
+    /// Smallest eigenvalue of [`Self::pseudo_inertia`]; negative for parameters that no real body
+    /// has.
     pub fn smallest_pseudo_inertia_eigenvalue(&self) -> f64 {
         let rows = self.pseudo_inertia();
         let matrix = nalgebra::Matrix4::from_fn(|row, column| rows[row][column]);
@@ -180,7 +196,9 @@ mod tests {
         let mut without_mass = PARAMETERS;
         without_mass[0] = 0.0;
         let part = LinkInertia::from_standard_parameters(&without_mass);
-        let mass = LinkInertia::from_standard_parameters(&[2.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+        let mass = LinkInertia::from_standard_parameters(&[
+            2.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
+        ]);
         let sum = part.expressed_in(&pose()) + mass.expressed_in(&pose());
         let expected = whole.expressed_in(&pose()).standard_parameters();
         for (a, b) in sum.standard_parameters().iter().zip(expected) {

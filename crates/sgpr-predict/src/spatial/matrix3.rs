@@ -36,7 +36,11 @@ impl Matrix3<f64> {
 
     /// A diagonal matrix.
     pub const fn diagonal(x: f64, y: f64, z: f64) -> Self {
-        Self::from_columns(Vector3::new(x, 0.0, 0.0), Vector3::new(0.0, y, 0.0), Vector3::new(0.0, 0.0, z))
+        Self::from_columns(
+            Vector3::new(x, 0.0, 0.0),
+            Vector3::new(0.0, y, 0.0),
+            Vector3::new(0.0, 0.0, z),
+        )
     }
 
     /// The matrix with these rows.
@@ -62,7 +66,11 @@ impl Matrix3<f64> {
 
     /// The matrix of the vector product: `skew(a) * b = a x b`.
     pub const fn skew(a: Vector3<f64>) -> Self {
-        Self::from_columns(Vector3::new(0.0, a.z, -a.y), Vector3::new(-a.z, 0.0, a.x), Vector3::new(a.y, -a.x, 0.0))
+        Self::from_columns(
+            Vector3::new(0.0, a.z, -a.y),
+            Vector3::new(-a.z, 0.0, a.x),
+            Vector3::new(a.y, -a.x, 0.0),
+        )
     }
 
     /// `a bᵀ`.
@@ -79,7 +87,9 @@ impl Matrix3<f64> {
     /// Rotation by `angle` about the unit vector `axis` (Rodrigues).
     pub fn rotation(axis: Vector3<f64>, angle: f64) -> Self {
         let (sin, cos) = angle.sin_cos();
-        Self::outer(axis, axis).scaled(1.0 - cos) + Self::skew(axis).scaled(sin) + Self::diagonal(cos, cos, cos)
+        Self::outer(axis, axis).scaled(1.0 - cos)
+            + Self::skew(axis).scaled(sin)
+            + Self::diagonal(cos, cos, cos)
     }
 
     /// Rotation about the fixed axes x, y, z in this order (URDF's roll, pitch, yaw).
@@ -96,7 +106,11 @@ impl<T: Real> Matrix3<T> {
     #[inline(always)]
     pub fn splat(token: T::Token, m: &Matrix3<T::Constant>) -> Self {
         let [x, y, z] = m.columns;
-        Self::from_columns(Vector3::splat(token, x), Vector3::splat(token, y), Vector3::splat(token, z))
+        Self::from_columns(
+            Vector3::splat(token, x),
+            Vector3::splat(token, y),
+            Vector3::splat(token, z),
+        )
     }
 
     /// The zero matrix.
@@ -110,7 +124,11 @@ impl<T: Real> Matrix3<T> {
     #[inline(always)]
     pub fn transposed(self) -> Self {
         let [x, y, z] = self.columns;
-        Self::from_columns(Vector3::new(x.x, y.x, z.x), Vector3::new(x.y, y.y, z.y), Vector3::new(x.z, y.z, z.z))
+        Self::from_columns(
+            Vector3::new(x.x, y.x, z.x),
+            Vector3::new(x.y, y.y, z.y),
+            Vector3::new(x.z, y.z, z.z),
+        )
     }
 
     /// `selfᵀ * v`: for a rotation, the components of `v` in the rotated frame.
@@ -124,14 +142,22 @@ impl<T: Real> Matrix3<T> {
     #[inline(always)]
     pub fn scale_add(self, factor: T, c: Self) -> Self {
         let ([x, y, z], [cx, cy, cz]) = (self.columns, c.columns);
-        Self::from_columns(x.scale_add(factor, cx), y.scale_add(factor, cy), z.scale_add(factor, cz))
+        Self::from_columns(
+            x.scale_add(factor, cx),
+            y.scale_add(factor, cy),
+            z.scale_add(factor, cz),
+        )
     }
 
     /// `self - left * rightᵀ`.
     #[inline(always)]
     pub fn minus_outer(self, left: Vector3<T>, right: Vector3<T>) -> Self {
         let [x, y, z] = self.columns;
-        Self::from_columns(left.scale_add(-right.x, x), left.scale_add(-right.y, y), left.scale_add(-right.z, z))
+        Self::from_columns(
+            left.scale_add(-right.x, x),
+            left.scale_add(-right.y, y),
+            left.scale_add(-right.z, z),
+        )
     }
 
     /// `self * v + c`.

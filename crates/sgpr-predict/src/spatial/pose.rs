@@ -37,7 +37,12 @@ impl Pose<f64> {
     pub fn to_matrix4(&self) -> [[f64; 4]; 4] {
         let [a, b, c] = self.rotation.to_rows();
         let t = self.translation;
-        [[a[0], a[1], a[2], t.x], [b[0], b[1], b[2], t.y], [c[0], c[1], c[2], t.z], [0.0, 0.0, 0.0, 1.0]]
+        [
+            [a[0], a[1], a[2], t.x],
+            [b[0], b[1], b[2], t.y],
+            [c[0], c[1], c[2], t.z],
+            [0.0, 0.0, 0.0, 1.0],
+        ]
     }
 }
 

@@ -88,7 +88,11 @@ impl<T: Real> Vector3<T> {
     /// `self * factor + c`.
     #[inline(always)]
     pub fn scale_add(self, factor: T, c: Self) -> Self {
-        Self::new(self.x.mul_add(factor, c.x), self.y.mul_add(factor, c.y), self.z.mul_add(factor, c.z))
+        Self::new(
+            self.x.mul_add(factor, c.x),
+            self.y.mul_add(factor, c.y),
+            self.z.mul_add(factor, c.z),
+        )
     }
 
     /// `self x b + c`.

@@ -57,7 +57,8 @@ pub enum StreamError {
     },
     /// A time between samples that is too short for the memory of a delay.
     #[error(
-        "step: got {found} s, but a delay needs samples that are {shortest} s apart or more: give a higher rate_hz"
+        "step: got {found} s, but a delay needs samples that are {shortest} s apart or more: give \
+         a higher rate_hz"
     )]
     StepTooShort {
         /// The time, s.
@@ -66,7 +67,10 @@ pub enum StreamError {
         shortest: f64,
     },
     /// An effect that needs the temperature of its joint, and none given.
-    #[error("{effect} at {joint} needs the temperature of the joint: call set_temperature with it, in °C")]
+    #[error(
+        "{effect} at {joint} needs the temperature of the joint: call set_temperature with it, in \
+         °C"
+    )]
     TemperatureNeeded {
         /// Name of the effect.
         effect: String,
@@ -90,7 +94,10 @@ pub enum StreamError {
         reason: String,
     },
     /// A standard deviation, of a model without processes.
-    #[error("a standard deviation is that of a learned model, and this one has no Gaussian processes: ask for none")]
+    #[error(
+        "a standard deviation is that of a learned model, and this one has no Gaussian processes: \
+         ask for none"
+    )]
     NotLearned,
     /// A process of a learned model that cannot be asked for this.
     #[error("the Gaussian process of {joint}: {reason}")]

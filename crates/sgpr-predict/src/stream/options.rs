@@ -45,7 +45,10 @@ impl FromStr for Purpose {
     type Err = UnknownPurpose;
 
     fn from_str(name: &str) -> Result<Self, Self::Err> {
-        Self::ALL.into_iter().find(|purpose| purpose.name() == name).ok_or_else(|| UnknownPurpose(name.into()))
+        Self::ALL
+            .into_iter()
+            .find(|purpose| purpose.name() == name)
+            .ok_or_else(|| UnknownPurpose(name.into()))
     }
 }
 
@@ -53,7 +56,8 @@ impl FromStr for Purpose {
 #[derive(Clone, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct StreamOptions {
-    /// Rate of the calls, Hz; none is enough where no effect needs time or the time between samples.
+    /// Rate of the calls, Hz; none is enough where no effect needs time or the time between
+    /// samples.
     pub rate_hz: Option<f64>,
     /// What the torque is for.
     pub purpose: Purpose,

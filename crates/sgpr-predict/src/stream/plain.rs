@@ -4,10 +4,13 @@ use crate::effects::{Effect, Stepped};
 use crate::gp::Precision;
 use crate::simd::{Number, Single};
 
-/// A number that a [`super::Predictor`] takes and gives: `f64`, or `f32` for processors that compute with no other.
+/// A number that a [`super::Predictor`] takes and gives: `f64`, or `f32` for processors that
+/// compute with no other.
 ///
 /// Times are `f64` in both.
-pub trait Plain: sealed::Sealed + Copy + Debug + Default + Into<f64> + PartialEq + Send + Sync + 'static {
+pub trait Plain:
+    sealed::Sealed + Copy + Debug + Default + Into<f64> + PartialEq + Send + Sync + 'static
+{
     /// The same number as laws of effects are written over it.
     #[doc(hidden)]
     type Number: Stepped<Time = f64> + Default;

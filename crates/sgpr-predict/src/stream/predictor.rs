@@ -12,17 +12,18 @@ use crate::model::{StreamedModel, Term};
 use crate::robot::Robot;
 use crate::simd::{Number, Real};
 
-/// Torque of one sample after the other, for a controller: owns its buffers, allocates nothing after it is made, takes no
-/// lock, and can move to another thread.
+/// Torque of one sample after the other, for a controller: owns its buffers, allocates nothing
+/// after it is made, takes no lock, and can move to another thread.
 ///
-/// Of a learned model the torque is that of the physics and what its Gaussian processes add ([`StreamedModel::learned`]), and
-/// [`Self::torque_and_deviation`] says how sure it is. Far from the logs the processes add nothing.
+/// Of a learned model the torque is that of the physics and what its Gaussian processes add
+/// ([`StreamedModel::learned`]), and [`Self::torque_and_deviation`] says how sure it is. Far from
+/// the logs the processes add nothing.
 ///
-/// Effects with a memory carry their hidden state from call to call: the torque of sample k is that of
-/// a whole trajectory at sample k, from the first sample after [`Self::reset`] on. Where a trajectory
-/// uses samples that come later, [`crate::effects::Effect::streamed`] says what is done instead. Effects of a user that
-/// only know columns of trajectories ([`crate::effects::Effect::steps`]) are asked for a trajectory of one row, which
-/// takes memory.
+/// Effects with a memory carry their hidden state from call to call: the torque of sample k is that
+/// of a whole trajectory at sample k, from the first sample after [`Self::reset`] on. Where a
+/// trajectory uses samples that come later, [`crate::effects::Effect::streamed`] says what is done
+/// instead. Effects of a user that only know columns of trajectories
+/// ([`crate::effects::Effect::steps`]) are asked for a trajectory of one row, which takes memory.
 ///
 /// # Examples
 /// ```
@@ -58,7 +59,8 @@ pub struct Predictor<F: Plain = f64> {
     clock: SessionClock,
     /// Effect and joint that need a temperature.
     warm: Option<(String, usize)>,
-    /// Whether steps must not be shorter than half of what the rate says: of a torque that is late or early.
+    /// Whether steps must not be shorter than half of what the rate says: of a torque that is late
+    /// or early.
     delays: bool,
     /// Whether an effect may fail.
     fallible: bool,
@@ -102,25 +104,33 @@ impl StreamedModel {
     /// The model one sample after the other.
     ///
     /// # Errors
-    /// If a rate is needed and none given, or no number above zero; if an effect cannot be streamed; if an effect to keep is
-    /// none of the model.
+    /// If a rate is needed and none given, or no number above zero; if an effect cannot be
+    /// streamed; if an effect to keep is none of the model.
     pub fn predictor(&self, options: &StreamOptions) -> Result<Predictor, StreamError> {
         self.predictor_with(options, &RestOptions::default())
     }
 
-    /// The same with another arithmetic of the processes of a learned model, or with a standard deviation.
+    /// The same with another arithmetic of the processes of a learned model, or with a standard
+    /// deviation.
     ///
     /// # Errors
-    /// As [`Self::predictor`]; if a standard deviation is asked for and the model has no processes, or too many points for it.
-    pub fn predictor_with(&self, options: &StreamOptions, rest: &RestOptions) -> Result<Predictor, StreamError> {
+    /// As [`Self::predictor`]; if a standard deviation is asked for and the model has no processes,
+    /// or too many points for it.
+    pub fn predictor_with(
+        &self,
+        options: &StreamOptions,
+        rest: &RestOptions,
+    ) -> Result<Predictor, StreamError> {
         self.predictor_of(options, rest)
     }
 
-    /// The same in 32 bits, for processors that compute with no other numbers: of the motion, the hidden states and the
-    /// torque; times and the gaps between them stay in 64. It has no standard deviation.
+    /// The same in 32 bits, for processors that compute with no other numbers: of the motion, the
+    /// hidden states and the torque; times and the gaps between them stay in 64. It has no standard
+    /// deviation.
     ///
     /// # Errors
-    /// As [`Self::predictor`]; if an effect is not written over numbers of 32 bits, as one of a user may be.
+    /// As [`Self::predictor`]; if an effect is not written over numbers of 32 bits, as one of a
+    /// user may be.
     ///
     /// # Examples
     /// ```
@@ -136,7 +146,10 @@ impl StreamedModel {
     }
 
     /// The torque alone, in the arithmetic of a number.
-    pub(crate) fn predictor_in<F: Plain>(&self, options: &StreamOptions) -> Result<Predictor<F>, StreamError> {
+    pub(crate) fn predictor_in<F: Plain>(
+        &self,
+        options: &StreamOptions,
+    ) -> Result<Predictor<F>, StreamError> {
         self.predictor_of(options, &RestOptions { precision: F::PRECISION, deviation: false })
     }
 
@@ -159,29 +172,38 @@ impl StreamedModel {
     }
 
     /// The physics alone.
-    fn physics_predictor<F: Plain>(&self, options: &StreamOptions) -> Result<Predictor<F>, StreamError> {
+    fn physics_predictor<F: Plain>(
+        &self,
+        options: &StreamOptions,
+    ) -> Result<Predictor<F>, StreamError> {
         let rate_hz = match options.rate_hz {
-            Some(found) if !(found.is_finite() && found > 0.0) => return Err(StreamError::Rate { found }),
+            Some(found) if !(found.is_finite() && found > 0.0) => {
+                return Err(StreamError::Rate { found });
+            }
             given => given.unwrap_or(f64::NAN),
         };
         self.check_kept(options)?;
         let terms = options.terms(self);
         check(&terms, rate_hz, self.robot())?;
-        let effects = self.parameter_set().effects().iter().chain(terms.iter().map(|term| &term.effect));
+        let effects =
+            self.parameter_set().effects().iter().chain(terms.iter().map(|term| &term.effect));
         check_numbers::<F>(effects.map(AsRef::as_ref))?;
         let n = self.robot().dof();
         let warm = terms.iter().find(|term| term.effect.needs().temperature);
-        // A memory that grows with the rate is one of samples; a torque that is early takes the jerk from two of them.
+        // A memory that grows with the rate is one of samples; a torque that is early takes the
+        // jerk from two of them.
         let held = |t: &Term| {
             t.effect.lead(&t.constants) > 0.0
-                || t.effect.state_len(&t.constants, rate_hz) != t.effect.state_len(&t.constants, 2.0 * rate_hz)
+                || t.effect.state_len(&t.constants, rate_hz)
+                    != t.effect.state_len(&t.constants, 2.0 * rate_hz)
         };
         let sampler = Sampler::new(self, options, &terms, rate_hz);
         Ok(Predictor {
             fallible: sampler.terms.may_fail(),
             first_coefficients: first_coefficients(self, options),
             gains: TransformSteps::new(&terms, n, rate_hz).static_gains(n),
-            warm: warm.map(|term| (term.effect.name().into(), term.site.joint().unwrap_or_default())),
+            warm: warm
+                .map(|term| (term.effect.name().into(), term.site.joint().unwrap_or_default())),
             delays: terms.iter().any(held),
             options: options.clone(),
             clock: SessionClock { rate_hz, origin: 0.0, steps: 0, at_start: true },
@@ -195,7 +217,8 @@ impl StreamedModel {
 
     fn check_kept(&self, options: &StreamOptions) -> Result<(), StreamError> {
         let everywhere = self.parameter_set().effects().iter().map(|effect| effect.name());
-        let known: Vec<&str> = everywhere.chain(self.terms().iter().map(|term| term.effect.name())).collect();
+        let known: Vec<&str> =
+            everywhere.chain(self.terms().iter().map(|term| term.effect.name())).collect();
         let unknown = options.keep.iter().find(|name| !known.contains(&name.as_str()));
         unknown.map_or(Ok(()), |name| {
             let known = known.iter().map(ToString::to_string).collect();
@@ -217,7 +240,9 @@ fn first_coefficients(model: &StreamedModel, options: &StreamOptions) -> Vec<usi
 }
 
 /// Whether effects are written over a number.
-fn check_numbers<'a, F: Plain>(mut effects: impl Iterator<Item = &'a dyn Effect>) -> Result<(), StreamError> {
+fn check_numbers<'a, F: Plain>(
+    mut effects: impl Iterator<Item = &'a dyn Effect>,
+) -> Result<(), StreamError> {
     effects.find(|effect| !F::has(*effect)).map_or(Ok(()), |effect| {
         let reason = "it is written over numbers of 64 bits alone".into();
         Err(StreamError::NotStreamed { effect: effect.name().into(), reason })
@@ -238,7 +263,8 @@ fn check(terms: &[Term], rate_hz: f64, robot: &Robot) -> Result<(), StreamError>
         }
         if !term.is_transform() && !effect.steps() {
             let refuse = |reason| StreamError::NotStreamed { effect: name(), reason };
-            let one_row = knows_one_row(effect.as_ref(), term.site, &term.constants, robot).map_err(refuse)?;
+            let one_row = knows_one_row(effect.as_ref(), term.site, &term.constants, robot)
+                .map_err(refuse)?;
             if effect.has_memory() || !one_row {
                 return Err(refuse("its torque at a sample depends on other samples".into()));
             }
@@ -254,11 +280,14 @@ impl Predictor {
     /// All of a model, without a rate.
     ///
     /// # Panics
-    /// If an effect of the model needs a rate or cannot be streamed: use [`StreamedModel::predictor`].
+    /// If an effect of the model needs a rate or cannot be streamed: use
+    /// [`StreamedModel::predictor`].
     pub fn new(model: impl Into<StreamedModel>) -> Self {
         match model.into().predictor(&StreamOptions::default()) {
             Ok(predictor) => predictor,
-            Err(error) => panic!("{error} (`predictor` of the model takes a rate and returns this as an error)"),
+            Err(error) => panic!(
+                "{error} (`predictor` of the model takes a rate and returns this as an error)"
+            ),
         }
     }
 }
@@ -290,7 +319,8 @@ impl<F: Plain> Predictor<F> {
         self.options.rate_hz
     }
 
-    /// Time of the session at the last sample, s; at the next one, if that is the first since a reset.
+    /// Time of the session at the last sample, s; at the next one, if that is the first since a
+    /// reset.
     pub fn time(&self) -> f64 {
         self.clock.time()
     }
@@ -301,7 +331,11 @@ impl<F: Plain> Predictor<F> {
     /// If the time is not finite.
     pub fn set_time(&mut self, time: f64) -> Result<(), StreamError> {
         if !time.is_finite() {
-            return Err(StreamError::OutOfRange { name: "time".into(), found: time, expected: "a finite number" });
+            return Err(StreamError::OutOfRange {
+                name: "time".into(),
+                found: time,
+                expected: "a finite number",
+            });
         }
         self.clock = SessionClock { origin: time, steps: 0, at_start: true, ..self.clock };
         self.identified.as_mut().map_or(Ok(()), |other| other.set_time(time))
@@ -318,8 +352,8 @@ impl<F: Plain> Predictor<F> {
         self.identified.as_mut().map_or(Ok(()), |other| other.set_temperature(celsius))
     }
 
-    /// Forgets all samples: the clock is at zero, and the hidden states start at rest at the next sample, as a trajectory
-    /// does at its first.
+    /// Forgets all samples: the clock is at zero, and the hidden states start at rest at the next
+    /// sample, as a trajectory does at its first.
     pub fn reset(&mut self) {
         self.clock = SessionClock { origin: 0.0, steps: 0, at_start: true, ..self.clock };
         self.sampler.forget();
@@ -329,8 +363,8 @@ impl<F: Plain> Predictor<F> {
         }
     }
 
-    /// Forgets all samples: the clock is at zero, and the hidden states are those after a long motion at speed `dq` to `q`,
-    /// those of rest for a joint without speed.
+    /// Forgets all samples: the clock is at zero, and the hidden states are those after a long
+    /// motion at speed `dq` to `q`, those of rest for a joint without speed.
     ///
     /// - `q`, `dq`: `[n]`, rad, rad/s (m for prismatic joints)
     ///
@@ -351,8 +385,9 @@ impl<F: Plain> Predictor<F> {
     /// Torque at the next sample, one period after the last; moves the hidden states on.
     ///
     /// - `q`, `dq`, `ddq`: `[n]`, rad, rad/s, rad/s² (m for prismatic joints)
-    /// - returns `[n]`, N·m (N); NaN if a value of the sample is not finite or a temperature is missing, and then the hidden
-    ///   states stay as they are ([`Self::try_torque`] says what is wrong)
+    /// - returns `[n]`, N·m (N); NaN if a value of the sample is not finite or a temperature is
+    ///   missing, and then the hidden states stay as they are ([`Self::try_torque`] says what is
+    ///   wrong)
     ///
     /// # Panics
     /// If a slice is not of length n.
@@ -368,8 +403,8 @@ impl<F: Plain> Predictor<F> {
     /// As [`Self::torque`], with what is wrong with a sample as an error.
     ///
     /// # Errors
-    /// If a slice is not of length n or holds a number that is not finite, or a temperature is missing; the hidden states
-    /// stay as they are.
+    /// If a slice is not of length n or holds a number that is not finite, or a temperature is
+    /// missing; the hidden states stay as they are.
     pub fn try_torque(&mut self, q: &[F], dq: &[F], ddq: &[F]) -> Result<&[F], StreamError> {
         self.take([q, dq, ddq], None, add_means)?;
         Ok(&self.tau)
@@ -379,12 +414,19 @@ impl<F: Plain> Predictor<F> {
         &self.tau
     }
 
-    /// As [`Self::try_torque`], `step` seconds after the last sample: for irregular calls and pauses.
+    /// As [`Self::try_torque`], `step` seconds after the last sample: for irregular calls and
+    /// pauses.
     ///
     /// # Errors
-    /// As [`Self::try_torque`]; if the step is no finite number above zero, or shorter than half a period where the model has
-    /// a delay.
-    pub fn torque_after(&mut self, step: f64, q: &[F], dq: &[F], ddq: &[F]) -> Result<&[F], StreamError> {
+    /// As [`Self::try_torque`]; if the step is no finite number above zero, or shorter than half a
+    /// period where the model has a delay.
+    pub fn torque_after(
+        &mut self,
+        step: f64,
+        q: &[F],
+        dq: &[F],
+        ddq: &[F],
+    ) -> Result<&[F], StreamError> {
         self.take([q, dq, ddq], Some(step), add_means)?;
         Ok(&self.tau)
     }
@@ -485,7 +527,11 @@ impl<F: Plain> Predictor<F> {
         }
     }
 
-    fn check_array<V: Copy + Into<f64>>(&self, name: &'static str, values: &[V]) -> Result<(), StreamError> {
+    fn check_array<V: Copy + Into<f64>>(
+        &self,
+        name: &'static str,
+        values: &[V],
+    ) -> Result<(), StreamError> {
         let expected = self.dof();
         if values.len() != expected {
             return Err(StreamError::Length { name, found: values.len(), expected });
@@ -499,14 +545,18 @@ impl<F: Plain> Predictor<F> {
     /// Torque of the motion in the buffers.
     fn sample(&mut self, rate_hz: f64) {
         self.sampler.sample(rate_hz, self.clock.time(), &self.start);
-        self.tau.iter_mut().zip(&self.sampler.buffers.tau).for_each(|(tau, own)| *tau = F::of(*own));
+        self.tau
+            .iter_mut()
+            .zip(&self.sampler.buffers.tau)
+            .for_each(|(tau, own)| *tau = F::of(*own));
         self.start = StreamStart::Done;
     }
 }
 
 impl Predictor {
-    /// The same, and the standard deviation of its measurement, `[n]` each, N·m (N): of the processes, of noise, and what
-    /// uncertain parameters bring, beside a process as far as that does not know.
+    /// The same, and the standard deviation of its measurement, `[n]` each, N·m (N): of the
+    /// processes, of noise, and what uncertain parameters bring, beside a process as far as that
+    /// does not know.
     ///
     /// # Errors
     /// As [`Self::try_torque`].
@@ -546,9 +596,13 @@ impl Predictor {
         ddq: &[f64],
         step: Option<f64>,
     ) -> Result<(&[f64], &[f64]), StreamError> {
-        assert!(self.rest.as_ref().is_some_and(|rest| rest.with_deviation()), "made with a standard deviation");
+        assert!(
+            self.rest.as_ref().is_some_and(|rest| rest.with_deviation()),
+            "made with a standard deviation"
+        );
         self.take([q, dq, ddq], step, |rest, physics, tau| {
-            let Sampler { robot, transforms, buffers: Buffers { motion, links, .. }, .. } = &physics.sampler;
+            let Sampler { robot, transforms, buffers: Buffers { motion, links, .. }, .. } =
+                &physics.sampler;
             rest.add_means_and_spread(
                 &PhysicsAtSample {
                     robot,
@@ -563,23 +617,26 @@ impl Predictor {
         Ok((&self.tau, self.rest.as_ref().map_or(&[], |rest| rest.deviation())))
     }
 
-    /// Share of the variance of each joint's process that the logs have not explained, `[n]`, at the last sample
-    /// that was asked with
-    /// [`Self::torque_and_deviation`]: from 0 at a point of the logs to 1 far from all, 0 for a joint without a process. Above 0.95
-    /// the torque is that of the physics. Empty for a model without processes.
+    /// Share of the variance of each joint's process that the logs have not explained, `[n]`, at
+    /// the last sample that was asked with [`Self::torque_and_deviation`]: from 0 at a point of the
+    /// logs to 1 far from all, 0 for a joint without a process. Above 0.95 the torque is that of
+    /// the physics. Empty for a model without processes.
     pub fn novelty(&self) -> &[f64] {
         self.rest.as_ref().map_or(&[], |rest| rest.novelty())
     }
 
-    /// Derivatives of a joint's torque by the coefficients of all terms of the model at the last sample, as the drive makes
-    /// it; zero for terms that are not held.
+    /// Derivatives of a joint's torque by the coefficients of all terms of the model at the last
+    /// sample, as the drive makes it; zero for terms that are not held.
     fn term_columns(&self, joint: usize, out: &mut [f64]) {
         out.fill(0.0);
         let first = &self.first_coefficients;
-        self.sampler.terms.for_each_column(joint, self.dof(), |term, index, value| out[first[term] + index] = value);
+        self.sampler.terms.for_each_column(joint, self.dof(), |term, index, value| {
+            out[first[term] + index] = value
+        });
     }
 
-    /// What the log shows of a small torque more at a joint at the last sample, delays and lags aside.
+    /// What the log shows of a small torque more at a joint at the last sample, delays and lags
+    /// aside.
     fn gain(&self, joint: usize) -> f64 {
         let [gain, largest] = self.gains[joint];
         if self.sampler.buffers.tau[joint].abs() >= largest { 0.0 } else { gain }

@@ -20,8 +20,8 @@ pub(super) struct PhysicsAtSample<'a> {
     /// Motion of its links, and of its joints: q, dq, ddq.
     pub links: &'a [Vec<f64>; 3],
     pub motion: &'a [Vec<f64>; 3],
-    /// Sets the derivatives of a joint's torque by the coefficients of all terms of the model, as the drive makes it; zero for
-    /// terms that are not held.
+    /// Sets the derivatives of a joint's torque by the coefficients of all terms of the model, as
+    /// the drive makes it; zero for terms that are not held.
     pub term_columns: &'a dyn Fn(usize, &mut [f64]),
     /// What the log shows of a small torque more at a joint, delays and lags aside.
     pub gain: &'a dyn Fn(usize) -> f64,
@@ -33,7 +33,8 @@ pub(super) struct PhysicsAtSample<'a> {
 pub struct RestOptions {
     /// Arithmetic.
     pub precision: Precision,
-    /// Whether [`torque_and_deviation`](super::Predictor::torque_and_deviation) is called: needs a square of the points in memory, and as much time.
+    /// Whether [`torque_and_deviation`](super::Predictor::torque_and_deviation) is called: needs a
+    /// square of the points in memory, and as much time.
     pub deviation: bool,
 }
 
@@ -118,11 +119,15 @@ impl RestPredictor {
         options: &RestOptions,
     ) -> Result<Self, StreamError> {
         let RestOptions { precision, deviation } = *options;
-        let processes: Vec<Option<&LearnedProcess>> = rest.joints.iter().map(|joint| joint.process.as_ref()).collect();
+        let processes: Vec<Option<&LearnedProcess>> =
+            rest.joints.iter().map(|joint| joint.process.as_ref()).collect();
         let sums: Vec<Option<WeightedKernel<'_>>> =
             processes.iter().map(|process| process.map(LearnedProcess::weighted_kernel)).collect();
         let together = together(&sums, precision);
-        let refused = |joint: usize, reason: String| StreamError::Process { joint: model.joint_name(joint), reason };
+        let refused = |joint: usize, reason: String| StreamError::Process {
+            joint: model.joint_name(joint),
+            reason,
+        };
         if deviation {
             rest.check_deviation().map_err(|(joint, reason)| refused(joint, reason))?;
         }
@@ -133,7 +138,9 @@ impl RestPredictor {
             let (mut predictor, mut of_basis) = (None, None);
             if let (Some(process), true) = (process, deviation) {
                 let rows = rest.basis.as_ref().and_then(|basis| basis.rows[index].as_deref());
-                let both = process.mean_and_variance(precision, rows).map_err(|reason| refused(index, reason))?;
+                let both = process
+                    .mean_and_variance(precision, rows)
+                    .map_err(|reason| refused(index, reason))?;
                 (predictor, of_basis) = (Some(both.0), both.1);
             } else if let (Some(process), true) = (process, alone) {
                 predictor = Some(process.mean(precision));
@@ -212,17 +219,23 @@ impl RestPredictor {
         }
         self.of_parameters.fill(0.0);
         if let Some(parameters) = &mut self.parameters {
-            let share = |joint: usize| if self.joints[joint].learned { self.novelty[joint] } else { 1.0 };
+            let share =
+                |joint: usize| if self.joints[joint].learned { self.novelty[joint] } else { 1.0 };
             parameters.add_variance(physics, &self.x, &share, &mut self.of_parameters);
         }
-        for ((own, deviation), of_parameters) in self.joints.iter().zip(&mut self.deviation).zip(&self.of_parameters) {
+        for ((own, deviation), of_parameters) in
+            self.joints.iter().zip(&mut self.deviation).zip(&self.of_parameters)
+        {
             *deviation = (own.calibration * own.calibration * *deviation + of_parameters).sqrt();
         }
     }
 }
 
 /// Groups of two or more joints whose processes have the same points and can be asked together.
-pub fn together(sums: &[Option<WeightedKernel<'_>>], precision: Precision) -> Vec<(Vec<usize>, SharedPredictor)> {
+pub fn together(
+    sums: &[Option<WeightedKernel<'_>>],
+    precision: Precision,
+) -> Vec<(Vec<usize>, SharedPredictor)> {
     let mut groups: Vec<(Vec<usize>, Vec<WeightedKernel<'_>>)> = vec![];
     for (index, sum) in sums.iter().enumerate().filter_map(|(index, sum)| Some((index, (*sum)?))) {
         match groups.iter_mut().find(|(_, group)| group[0].x == sum.x) {
@@ -234,13 +247,16 @@ pub fn together(sums: &[Option<WeightedKernel<'_>>], precision: Precision) -> Ve
         }
     }
     let several = groups.into_iter().filter(|(members, _)| members.len() > 1);
-    several.filter_map(|(members, group)| Some((members, SharedPredictor::new(&group, precision)?))).collect()
+    several
+        .filter_map(|(members, group)| Some((members, SharedPredictor::new(&group, precision)?)))
+        .collect()
 }
 
-/// The variance that uncertain parameters bring to the torque, one sample after the other: of r = w - k(x, X) K⁻¹ W (GPML
-/// eq. 2.42). Beside a process that has learned what these parameters leave over it is that of w, as far as the process
-/// does not know. Allocates nothing. What lies between torque and log counts by its gain: a delay or a lag does not change how
-/// surely a torque is known.
+/// The variance that uncertain parameters bring to the torque, one sample after the other: of r =
+/// w - k(x, X) K⁻¹ W (GPML eq. 2.42). Beside a process that has learned what these parameters leave
+/// over it is that of w, as far as the process does not know. Allocates nothing. What lies between
+/// torque and log counts by its gain: a delay or a lag does not change how surely a torque is
+/// known.
 #[derive(Debug)]
 struct BasisPredictor {
     set: ParameterSet,
@@ -279,7 +295,14 @@ impl BasisPredictor {
         share: &dyn Fn(usize) -> f64,
         variance: &mut [f64],
     ) {
-        let Self { set, basis: BasisParts { independent, covariance, explained }, ws, row, effects, own } = self;
+        let Self {
+            set,
+            basis: BasisParts { independent, covariance, explained },
+            ws,
+            row,
+            effects,
+            own,
+        } = self;
         let PhysicsAtSample { robot, links, motion: [q, dq, ddq], term_columns, gain } = physics;
         let wide = robot.dof() * PARAMETERS_PER_LINK;
         let table = regressor(robot, ws, &links[0], &links[1], &links[2]);
@@ -295,7 +318,9 @@ impl BasisPredictor {
             row.iter_mut().for_each(|value| *value *= gain);
             let share = if explained.is_some() { 1.0 } else { share(joint) };
             if let Some(explained) = explained {
-                row.iter_mut().zip(explained.mean(x)).for_each(|(row, explained)| *row -= explained);
+                row.iter_mut()
+                    .zip(explained.mean(x))
+                    .for_each(|(row, explained)| *row -= explained);
             }
             let mut sum = 0.0;
             for (a, covariances) in row.iter().zip(covariance.chunks_exact(row.len())) {
@@ -309,8 +334,15 @@ impl BasisPredictor {
 /// Derivative of a joint's torque by a parameter of the base.
 ///
 /// - `own`: effect parameters of the joint
-/// - `of_links`, `effects`: its derivatives by the parameters of all links, and by those of its effects
-pub fn base_value(set: &ParameterSet, own: &[usize], of_links: &[f64], effects: &[f64], parameter: usize) -> f64 {
+/// - `of_links`, `effects`: its derivatives by the parameters of all links, and by those of its
+///   effects
+pub fn base_value(
+    set: &ParameterSet,
+    own: &[usize],
+    of_links: &[f64],
+    effects: &[f64],
+    parameter: usize,
+) -> f64 {
     if parameter < set.inertial() {
         return of_links[parameter];
     }

@@ -9,8 +9,8 @@ use crate::effects::{JointState, LinkSample, SampleInput, Stepped};
 use crate::model::{ParameterSet, StreamedModel, Term};
 use crate::robot::Robot;
 
-/// The torque of one sample from its motion and the hidden states: the formula that predictors run, and that code is made
-/// from.
+/// The torque of one sample from its motion and the hidden states: the formula that predictors run,
+/// and that code is made from.
 #[derive(Debug)]
 pub struct Sampler<S: Stepped = f64> {
     /// With the inertias of the model, as its transforms make it.
@@ -63,8 +63,8 @@ impl<S: Stepped> Buffers<S> {
         }
     }
 
-    /// The motion `lead` seconds ahead, by the series of the position up to the jerk, from the accelerations of this sample
-    /// and the one before.
+    /// The motion `lead` seconds ahead, by the series of the position up to the jerk, from the
+    /// accelerations of this sample and the one before.
     fn look_ahead(&mut self, lead: f64, rate_hz: f64) {
         let [q, dq, ddq] = &mut self.motion;
         for (joint, last) in self.last_ddq.iter_mut().enumerate() {
@@ -82,11 +82,17 @@ impl<S: Stepped> Buffers<S> {
 impl<S: Stepped> Sampler<S> {
     /// - `terms`: those that the torque holds
     /// - `rate_hz`: NaN if it is not known
-    pub fn new(model: &StreamedModel, options: &StreamOptions, terms: &[Term], rate_hz: f64) -> Self {
+    pub fn new(
+        model: &StreamedModel,
+        options: &StreamOptions,
+        terms: &[Term],
+        rate_hz: f64,
+    ) -> Self {
         let n = model.robot().dof();
         let transforms = terms.iter().filter(|term| term.is_transform());
-        let robot =
-            transforms.clone().fold(model.robot().clone(), |robot, t| t.effect.robot(t.site, &t.constants, robot));
+        let robot = transforms
+            .clone()
+            .fold(model.robot().clone(), |robot, t| t.effect.robot(t.site, &t.constants, robot));
         Self {
             ws: S::workspace(&robot),
             set: model.parameter_set().clone(),
@@ -112,7 +118,9 @@ impl<S: Stepped> Sampler<S> {
             self.buffers.look_ahead(self.lead, rate_hz);
         }
         let Self { robot, set, parameters, terms, transforms, ws, buffers, .. } = self;
-        let Buffers { motion: [q, dq, ddq], links, rigid, torque, tau, temperature, starting, .. } = buffers;
+        let Buffers {
+            motion: [q, dq, ddq], links, rigid, torque, tau, temperature, starting, ..
+        } = buffers;
         let time = time + self.lead;
         let [start_dq, zeros] = starting;
         for (start_dq, dq) in start_dq.iter_mut().zip(&*dq) {
@@ -124,7 +132,17 @@ impl<S: Stepped> Sampler<S> {
         }
         S::rnea(robot, ws, [q, dq, ddq], rigid);
         let (rigid_torque, temperature_celsius) = (&**zeros, &**temperature);
-        let motion = SampleInput { robot, rate_hz, time, q, dq, ddq, rigid_torque, torque: zeros, temperature_celsius };
+        let motion = SampleInput {
+            robot,
+            rate_hz,
+            time,
+            q,
+            dq,
+            ddq,
+            rigid_torque,
+            torque: zeros,
+            temperature_celsius,
+        };
         if transforms.move_links() {
             let [links_q, links_dq, links_ddq] = links;
             links_q.copy_from_slice(q);
@@ -132,7 +150,11 @@ impl<S: Stepped> Sampler<S> {
             links_ddq.copy_from_slice(ddq);
             let measured = SampleInput { rigid_torque: rigid, torque: rigid, ..motion };
             if !start.is_done() {
-                transforms.start_links(start, &SampleInput { dq: start_dq, ddq: zeros, ..measured }, ws);
+                transforms.start_links(
+                    start,
+                    &SampleInput { dq: start_dq, ddq: zeros, ..measured },
+                    ws,
+                );
             }
             let mut moved = LinkSample { q: links_q, dq: links_dq, ddq: links_ddq };
             transforms.advance_links(&measured, ws, &mut moved);

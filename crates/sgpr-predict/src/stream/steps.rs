@@ -30,7 +30,8 @@ impl EffectStep {
     }
 }
 
-/// Torques of effects at single sites, sample by sample. Nothing but [`Self::new`] allocates, unless an effect does.
+/// Torques of effects at single sites, sample by sample. Nothing but [`Self::new`] allocates,
+/// unless an effect does.
 #[derive(Clone, Debug)]
 pub struct TermSteps<S = f64> {
     steps: Vec<EffectStep>,
@@ -61,16 +62,29 @@ impl<S: Stepped> TermSteps<S> {
     }
 
     /// As [`Effect::start`].
-    pub fn start(&mut self, start: &StreamStart<S>, input: &SampleInput<'_, S>, workspace: &mut S::Workspace) {
+    pub fn start(
+        &mut self,
+        start: &StreamStart<S>,
+        input: &SampleInput<'_, S>,
+        workspace: &mut S::Workspace,
+    ) {
         start_each(&self.steps, &mut self.hidden, start, input, workspace);
     }
 
     /// Adds the torque at the next sample to `tau`, `[n]`.
-    pub fn add_torque(&mut self, input: &SampleInput<'_, S>, workspace: &mut S::Workspace, tau: &mut [S]) {
+    pub fn add_torque(
+        &mut self,
+        input: &SampleInput<'_, S>,
+        workspace: &mut S::Workspace,
+        tau: &mut [S],
+    ) {
         let n = tau.len();
         for step in &self.steps {
             let columns = &mut self.columns[step.columns.clone()];
-            let mut state = StepState { hidden: &mut self.hidden[step.hidden.clone()], workspace: &mut *workspace };
+            let mut state = StepState {
+                hidden: &mut self.hidden[step.hidden.clone()],
+                workspace: &mut *workspace,
+            };
             S::advance(step.effect.as_ref(), step.at(), input, &mut state, columns);
             if step.effect.reach() == Reach::All {
                 for (column, factor) in columns.chunks_exact(n).zip(&step.coefficients) {
@@ -95,15 +109,18 @@ impl<S: Stepped> TermSteps<S> {
         self.steps.iter().find_map(|step| Some((step.effect.name().into(), step.effect.failure()?)))
     }
 
-    /// Derivatives of a joint's torque by the coefficients of each term at the last sample: calls `set` with the index of
-    /// the term and of its coefficient.
+    /// Derivatives of a joint's torque by the coefficients of each term at the last sample: calls
+    /// `set` with the index of the term and of its coefficient.
     pub fn for_each_column(&self, joint: usize, dof: usize, mut set: impl FnMut(usize, usize, S)) {
         for (index, step) in self.steps.iter().enumerate() {
             let columns = &self.columns[step.columns.clone()];
             let of_arm = step.effect.reach() == Reach::All;
             if of_arm || step.site.joint() == Some(joint) {
                 let (width, at) = if of_arm { (dof, joint) } else { (1, 0) };
-                columns.chunks_exact(width).enumerate().for_each(|(k, column)| set(index, k, column[at]));
+                columns
+                    .chunks_exact(width)
+                    .enumerate()
+                    .for_each(|(k, column)| set(index, k, column[at]));
             }
         }
     }
@@ -161,15 +178,27 @@ pub struct TransformSteps<S = f64> {
 }
 
 impl TransformSteps {
-    /// What a constant torque of one becomes at each joint, and the largest torque that is shown, infinite without a limit.
+    /// What a constant torque of one becomes at each joint, and the largest torque that is shown,
+    /// infinite without a limit.
     pub fn static_gains(&self, dof: usize) -> Vec<[f64; 2]> {
         let of_joint = |joint: usize| {
             let (mut gain, mut largest) = (1.0, f64::INFINITY);
             for step in &self.transmitters {
                 let mut hidden = vec![0.0; step.hidden.len() / dof];
                 step.effect.start_transmitted(gain, &mut hidden);
-                gain = step.effect.advance_transmitted(step.site, &step.constants, joint, 1.0, &mut hidden, gain);
-                largest = step.effect.limit(step.site, &step.constants, joint).unwrap_or(f64::INFINITY).min(largest);
+                gain = step.effect.advance_transmitted(
+                    step.site,
+                    &step.constants,
+                    joint,
+                    1.0,
+                    &mut hidden,
+                    gain,
+                );
+                largest = step
+                    .effect
+                    .limit(step.site, &step.constants, joint)
+                    .unwrap_or(f64::INFINITY)
+                    .min(largest);
             }
             [gain, largest]
         };
@@ -197,7 +226,12 @@ impl<S: Stepped> TransformSteps<S> {
         !self.movers.is_empty()
     }
 
-    pub fn start_links(&mut self, start: &StreamStart<S>, input: &SampleInput<'_, S>, workspace: &mut S::Workspace) {
+    pub fn start_links(
+        &mut self,
+        start: &StreamStart<S>,
+        input: &SampleInput<'_, S>,
+        workspace: &mut S::Workspace,
+    ) {
         start_each(&self.movers, &mut self.hidden, start, input, workspace);
     }
 
@@ -208,12 +242,16 @@ impl<S: Stepped> TransformSteps<S> {
         links: &mut LinkSample<'_, S>,
     ) {
         for step in &self.movers {
-            let mut state = StepState { hidden: &mut self.hidden[step.hidden.clone()], workspace: &mut *workspace };
+            let mut state = StepState {
+                hidden: &mut self.hidden[step.hidden.clone()],
+                workspace: &mut *workspace,
+            };
             S::advance_links(step.effect.as_ref(), step.at(), input, &mut state, links);
         }
     }
 
-    /// Sends the torques on the way from the drive to the log; from a long time at these torques, if they are the first.
+    /// Sends the torques on the way from the drive to the log; from a long time at these torques,
+    /// if they are the first.
     pub fn transmit(&mut self, tau: &mut [S], rate_hz: f64, start: &StreamStart<S>) {
         let n = tau.len();
         for step in &self.transmitters {

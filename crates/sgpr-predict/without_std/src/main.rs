@@ -1,9 +1,9 @@
 //! A controller without the standard library, with an allocator and a panic handler of its own.
 //!
-//! Standard input: bytes of the model (`u64` length, then the bytes), rate in Hz (`f64`), then samples of q, dq, ddq, `[n]`
-//! each. Standard output: for each sample the torque and the compensation, `[n]` each, and both once more as they are in 32
-//! bits. It ends with 3 if anything allocates
-//! after set-up.
+//! Standard input: bytes of the model (`u64` length, then the bytes), rate in Hz (`f64`), then
+//! samples of q, dq, ddq, `[n]` each. Standard output: for each sample the torque and the
+//! compensation, `[n]` each, and both once more as they are in 32 bits. It ends with 3 if anything
+//! allocates after set-up.
 #![no_std]
 #![no_main]
 
@@ -57,8 +57,11 @@ unsafe impl GlobalAlloc for InARow {
 }
 
 #[global_allocator]
-static ALLOCATOR: InARow =
-    InARow { memory: UnsafeCell::new([0; MEMORY]), used: AtomicUsize::new(0), count: AtomicUsize::new(0) };
+static ALLOCATOR: InARow = InARow {
+    memory: UnsafeCell::new([0; MEMORY]),
+    used: AtomicUsize::new(0),
+    count: AtomicUsize::new(0),
+};
 
 #[panic_handler]
 fn panicked(_: &PanicInfo<'_>) -> ! {
@@ -110,7 +113,8 @@ fn run() -> Option<c_int> {
     fill(&mut bytes);
     let model = StreamedModel::from_bytes(&bytes, "standard input").ok()?;
     let rate_hz = Some(f64::from_le_bytes(number()?));
-    let stream = StreamOptions::default().with_rate_hz(rate_hz).with_purpose(Purpose::ExpectedMeasurement);
+    let stream =
+        StreamOptions::default().with_rate_hz(rate_hz).with_purpose(Purpose::ExpectedMeasurement);
     let mut predictor = model.predictor(&stream).ok()?;
     let mut single_predictor = model.single_predictor(&stream).ok()?;
     let options = CompensationOptions::default().with_stream(stream);

@@ -47,7 +47,8 @@ impl Values<'_> {
     }
 }
 
-/// Reads a table in memory: what [`read`](super::read()) makes of a file with the same names and numbers, without the text.
+/// Reads a table in memory: what [`read`](super::read()) makes of a file with the same names and
+/// numbers, without the text.
 ///
 /// - `source`: what the table is called in messages
 ///
@@ -73,15 +74,20 @@ pub fn read_columns(
     options: &ReadOptions,
 ) -> Result<Recording, RecordingError> {
     let rows = columns.first().map_or(0, |column| column.values.rows());
-    assert!(columns.iter().all(|column| column.values.rows() == rows), "one value per row in every column");
+    assert!(
+        columns.iter().all(|column| column.values.rows() == rows),
+        "one value per row in every column"
+    );
     check(source, options)?;
-    let names: Vec<String> = columns.iter().map(|column| decoded(column.name.as_bytes()).trim().to_string()).collect();
+    let names: Vec<String> =
+        columns.iter().map(|column| decoded(column.name.as_bytes()).trim().to_string()).collect();
     require_names(source, &names)?;
     let row = |index| ColumnsRow { columns, index };
     // A line of units makes text of all columns.
     let is_text = |column: &NamedColumn<'_>| matches!(column.values, Values::Texts(_));
     let units = if rows > 0 && columns.iter().all(is_text) {
-        let cells: Vec<String> = (0..columns.len()).map(|column| row(0).text(column).trim().to_string()).collect();
+        let cells: Vec<String> =
+            (0..columns.len()).map(|column| row(0).text(column).trim().to_string()).collect();
         are_units(&cells, &names, options).then_some(cells)
     } else {
         None
@@ -113,7 +119,9 @@ impl TableRow for ColumnsRow<'_> {
             Values::Numbers(values) => format!("{:?}", values[self.index]),
             Values::Integers(values) => values[self.index].to_string(),
             Values::Seconds(values) => seconds_text(values[self.index]),
-            Values::Instants(values) => format!("{} s since 1970", seconds_text(values[self.index])),
+            Values::Instants(values) => {
+                format!("{} s since 1970", seconds_text(values[self.index]))
+            }
             Values::Texts(values) => values[self.index].clone(),
         }
     }
@@ -140,7 +148,9 @@ impl TableRow for ColumnsRow<'_> {
         let power = unit.power_of_ten();
         match &self.columns[column].values {
             Values::Numbers(values) => nanoseconds_of(values[self.index], power),
-            Values::Integers(values) => values[self.index].checked_mul(10_i64.pow(power.unsigned_abs())),
+            Values::Integers(values) => {
+                values[self.index].checked_mul(10_i64.pow(power.unsigned_abs()))
+            }
             Values::Seconds(values) if unit == TimeUnit::Second => Some(values[self.index]),
             Values::Seconds(values) => nanoseconds(&seconds_text(values[self.index]), power),
             Values::Instants(_) => None,
@@ -151,7 +161,8 @@ impl TableRow for ColumnsRow<'_> {
 
 /// What the shortest decimal that is this number means as a time in units of 10^`power` ns, ns.
 fn nanoseconds_of(value: f64, power: i32) -> Option<i64> {
-    /// Decimals of fewer digits are told apart by their numbers: one that gives the number is its shortest.
+    /// Decimals of fewer digits are told apart by their numbers: one that gives the number is its
+    /// shortest.
     const TOLD_APART: f64 = 1e15;
     let unit = 10_f64.powi(power);
     let likely = (value * unit).round();
@@ -178,9 +189,14 @@ mod tests {
         for k in 0..200_000_u32 {
             // Decimals of milliseconds, sums that are none, and seconds since 1970.
             value += 0.004;
-            for value in [f64::from(k) * 0.004, f64::from(k) / 250.0, value, 1.7e9 + value, -value] {
+            for value in [f64::from(k) * 0.004, f64::from(k) / 250.0, value, 1.7e9 + value, -value]
+            {
                 for power in [0, 3, 6, 9] {
-                    assert_eq!(nanoseconds_of(value, power), nanoseconds(&value.to_string(), power), "{value:?}");
+                    assert_eq!(
+                        nanoseconds_of(value, power),
+                        nanoseconds(&value.to_string(), power),
+                        "{value:?}"
+                    );
                 }
             }
         }

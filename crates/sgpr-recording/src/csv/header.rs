@@ -1,7 +1,7 @@
 //! What the name of a column says: `q1_rad` is the position of joint 1 in rad.
 //!
-//! A column is understood only if every word of its name is: `tau_des1_Nm` holds a word (`des`) that could mean anything
-//! but a measurement, so it is no torque.
+//! A column is understood only if every word of its name is: `tau_des1_Nm` holds a word (`des`)
+//! that could mean anything but a measurement, so it is no torque.
 
 use super::quantity::{Label, Meaning, Quantity, StatedUnit};
 use super::words::Words;
@@ -10,7 +10,8 @@ use crate::TimeUnit;
 /// Longer names, in bytes, are not looked at.
 const LONGEST_NAME: usize = 200;
 
-/// The joint quantity that `name` speaks of, if all its words are understood. `joints` are the joints wanted, if known.
+/// The joint quantity that `name` speaks of, if all its words are understood. `joints` are the
+/// joints wanted, if known.
 pub(super) fn meaning(name: &str, joints: Option<&[String]>) -> Option<Meaning> {
     if name.len() > LONGEST_NAME {
         return None;
@@ -26,8 +27,9 @@ pub(super) fn meaning(name: &str, joints: Option<&[String]>) -> Option<Meaning> 
     known.or_else(|| words.quantity_and_label(joints.is_none()))
 }
 
-/// Which quantity an array with a column per joint holds, by its name: `time`, `position`, `velocity`, `torque` or `current`.
-/// `None` if a word of it is not understood: `tau_ext` is no torque.
+/// Which quantity an array with a column per joint holds, by its name: `time`, `position`,
+/// `velocity`, `torque` or `current`. `None` if a word of it is not understood: `tau_ext` is no
+/// torque.
 ///
 /// # Examples
 /// ```
@@ -47,7 +49,8 @@ pub fn quantity_of_array(name: &str) -> Option<&'static str> {
     Some(if quantity == Quantity::Current { "current" } else { quantity.name() })
 }
 
-/// The unit in which a name ends whose other words are not understood: `axis3/angle_deg`, `A1_Istposition [°]`.
+/// The unit in which a name ends whose other words are not understood: `axis3/angle_deg`,
+/// `A1_Istposition [°]`.
 pub(super) fn unit_at_end(name: &str, quantity: Quantity) -> Option<StatedUnit> {
     if name.len() > LONGEST_NAME {
         return None;
@@ -70,25 +73,36 @@ pub(super) fn bracketed(name: &str) -> Option<&str> {
     (!text.is_empty() && !text.chars().all(|letter| letter.is_ascii_digit())).then_some(text)
 }
 
-/// The word or sign at the end of a name that says that numbers are a share of something: `torque1 [%]`, `trq_1_percent`.
+/// The word or sign at the end of a name that says that numbers are a share of something:
+/// `torque1 [%]`, `trq_1_percent`.
 pub(super) fn ratio(name: &str) -> Option<&str> {
     let end = name.trim_end_matches([']', ')', ' ']);
     ["%", "‰", "percent", "pct"].into_iter().find(|sign| end.ends_with(sign))
 }
 
-/// Whether the words of a text in brackets are no unit but say that this is the measurement of a joint.
+/// Whether the words of a text in brackets are no unit but say that this is the measurement of a
+/// joint.
 pub(super) fn says_nothing(text: &str) -> bool {
     Words::of(text).says_nothing()
 }
 
-/// The unit of a time column, or `None` if `name` is none. The unit is `None` if the name does not say it.
+/// The unit of a time column, or `None` if `name` is none. The unit is `None` if the name does not
+/// say it.
 pub(super) fn time_unit(name: &str) -> Option<Option<TimeUnit>> {
     let words = Words::of(name);
     let lower = words.lower();
     let is_time = |words: &[&str]| {
         matches!(
             words,
-            ["t" | "time" | "timestamp" | "stamp" | "elapsed" | "clock" | "zeit" | "zeitstempel" | "temps" | "tiempo"]
+            ["t" | "time"
+                | "timestamp"
+                | "stamp"
+                | "elapsed"
+                | "clock"
+                | "zeit"
+                | "zeitstempel"
+                | "temps"
+                | "tiempo"]
                 | ["time", "stamp"]
                 | ["header", "stamp"]
                 | ["elapsed" | "log" | "ros" | "sim" | "header", "time"]
@@ -102,9 +116,14 @@ pub(super) fn time_unit(name: &str) -> Option<Option<TimeUnit>> {
     is_time(rest).then_some(Some(unit))
 }
 
-/// What comes before `sec` and `nanosec` in the two columns of a ROS time stamp, e.g. `header.stamp.`.
+/// What comes before `sec` and `nanosec` in the two columns of a ROS time stamp, e.g.
+/// `header.stamp.`.
 pub(super) fn stamp_part(name: &str) -> Option<(&str, TimeUnit)> {
-    let parts = [("nanosec", TimeUnit::Nanosecond), ("nsec", TimeUnit::Nanosecond), ("sec", TimeUnit::Second)];
+    let parts = [
+        ("nanosec", TimeUnit::Nanosecond),
+        ("nsec", TimeUnit::Nanosecond),
+        ("sec", TimeUnit::Second),
+    ];
     let (suffix, unit) = parts.into_iter().find(|(suffix, _)| name.ends_with(suffix))?;
     let stem = &name[..name.len() - suffix.len()];
     (stem.is_empty() || stem.ends_with(['.', '_', '/', ' '])).then_some((stem, unit))
@@ -116,7 +135,8 @@ mod tests {
 
     fn read(name: &str) -> Option<(Quantity, Label, Option<f64>)> {
         let factor = |unit: StatedUnit| unit.factor;
-        meaning(name, None).map(|meaning| (meaning.quantity, meaning.label, meaning.unit.map(factor)))
+        meaning(name, None)
+            .map(|meaning| (meaning.quantity, meaning.label, meaning.unit.map(factor)))
     }
 
     #[test]
@@ -172,7 +192,9 @@ mod tests {
         let degrees = read("vel_2_deg_s").expect("understood").2.expect("unit");
         assert!((degrees - std::f64::consts::PI / 180.0).abs() < 1e-15);
         assert!(read("q1_°").expect("understood").2.expect("unit") < 0.02);
-        assert!((read("speed3_rpm").expect("understood").2.expect("unit") - 0.104_719_755).abs() < 1e-8);
+        assert!(
+            (read("speed3_rpm").expect("understood").2.expect("unit") - 0.104_719_755).abs() < 1e-8
+        );
     }
 
     #[test]
@@ -212,8 +234,14 @@ mod tests {
     #[test]
     fn named_joints() {
         let name = |name: &str| Label::Name(name.into());
-        assert_eq!(read("shoulder_pan_joint_position"), Some((Quantity::Position, name("shoulder_pan_joint"), None)));
-        assert_eq!(read("/joint_states/elbow/effort"), Some((Quantity::Torque, name("elbow"), None)));
+        assert_eq!(
+            read("shoulder_pan_joint_position"),
+            Some((Quantity::Position, name("shoulder_pan_joint"), None))
+        );
+        assert_eq!(
+            read("/joint_states/elbow/effort"),
+            Some((Quantity::Torque, name("elbow"), None))
+        );
         assert_eq!(read("velocity.left_s0"), Some((Quantity::Velocity, name("left_s0"), None)));
         // Which joint `a_b` of `a_b_q` is must be told.
         assert_eq!(read("a_b_q"), None);
@@ -221,14 +249,27 @@ mod tests {
         assert_eq!(meaning("a_b_q", Some(&joints)).expect("told").label, name("a_b"));
         // Names are compared word by word.
         let joints = ["joint_1".to_string(), "joint_10".to_string()];
-        assert_eq!(meaning("joint_10_pos_deg", Some(&joints)).expect("told").label, name("joint_10"));
+        assert_eq!(
+            meaning("joint_10_pos_deg", Some(&joints)).expect("told").label,
+            name("joint_10")
+        );
         // Other names than those wanted are not joints.
         assert_eq!(meaning("gripper_position", Some(&joints)), None);
     }
 
     #[test]
     fn time_columns() {
-        for name in ["t", "time", "timestamp", "Time", "stamp", "__time", "header.stamp", "log_time", "Zeit"] {
+        for name in [
+            "t",
+            "time",
+            "timestamp",
+            "Time",
+            "stamp",
+            "__time",
+            "header.stamp",
+            "log_time",
+            "Zeit",
+        ] {
             assert_eq!(time_unit(name), Some(None), "{name}");
         }
         assert_eq!(time_unit("t_s"), Some(Some(TimeUnit::Second)));
@@ -238,6 +279,9 @@ mod tests {
         assert_eq!(time_unit("time_constant"), None);
         assert_eq!(time_unit("t_1"), None);
         assert_eq!(stamp_part("header.stamp.sec"), Some(("header.stamp.", TimeUnit::Second)));
-        assert_eq!(stamp_part("header.stamp.nanosec"), Some(("header.stamp.", TimeUnit::Nanosecond)));
+        assert_eq!(
+            stamp_part("header.stamp.nanosec"),
+            Some(("header.stamp.", TimeUnit::Nanosecond))
+        );
     }
 }

@@ -50,15 +50,16 @@ impl<'a> JointColumns<'a> {
         units: &'a [String],
         options: &ReadOptions,
     ) -> Result<Self, RecordingError> {
-        let meanings = columns.iter().map(|name| header::meaning(name, options.joints.as_deref())).collect();
+        let meanings =
+            columns.iter().map(|name| header::meaning(name, options.joints.as_deref())).collect();
         let given = options.joints.is_some();
         let map = &options.columns;
-        let numbers_joints =
-            |columns: &Option<Columns>| matches!(columns, Some(Columns::Pattern(pattern)) if pattern.contains("{}"));
+        let numbers_joints = |columns: &Option<Columns>| matches!(columns, Some(Columns::Pattern(pattern)) if pattern.contains("{}"));
         let order_is_known = options.accept.contains(&IssueKind::JointsByOrder)
             || [&map.position, &map.velocity, &map.torque].into_iter().any(numbers_joints);
         let (joints, by_order) = (Vec::new(), Cell::new(false));
-        let mut table = Self { path, columns, meanings, joints, units, given, order_is_known, by_order };
+        let mut table =
+            Self { path, columns, meanings, joints, units, given, order_is_known, by_order };
         table.joints = match (&options.joints, &options.columns.position) {
             (Some(joints), _) => joints.clone(),
             (None, Some(columns)) => table.joints_of_option(columns),
@@ -70,10 +71,12 @@ impl<'a> JointColumns<'a> {
     /// There are no positions; if the log has joints of other names, they are told.
     pub(super) fn no_positions(&self) -> RecordingError {
         let of_others = |name: &String| {
-            let meaning = header::meaning(name, None).filter(|meaning| meaning.quantity == Quantity::Position)?;
+            let meaning = header::meaning(name, None)
+                .filter(|meaning| meaning.quantity == Quantity::Position)?;
             Some((meaning.label, name.clone()))
         };
-        let (labels, columns): (Vec<Label>, Vec<String>) = self.columns.iter().filter_map(of_others).unzip();
+        let (labels, columns): (Vec<Label>, Vec<String>) =
+            self.columns.iter().filter_map(of_others).unzip();
         if !self.given || columns.is_empty() {
             let unknown = |name: &&String| header::meaning(name, None).is_none();
             return RecordingError::NoPositions {
@@ -96,7 +99,8 @@ impl<'a> JointColumns<'a> {
         RecordingError::IncompleteColumns { path, quantity: quantity.name(), missing, columns }
     }
 
-    /// Columns with their units: as the caller says, else as the column says, else the line of units, else SI.
+    /// Columns with their units: as the caller says, else as the column says, else the line of
+    /// units, else SI.
     pub(super) fn sources(
         &self,
         quantity: Quantity,
@@ -104,16 +108,29 @@ impl<'a> JointColumns<'a> {
         given: Option<StatedUnit>,
     ) -> Result<Vec<ColumnSource>, RecordingError> {
         let source = |index| {
-            let unit = given.map_or_else(|| self.stated_unit(quantity, index), |unit| Ok(Some(unit)))?;
-            Ok(ColumnSource { index, unit, factor: unit.map_or(1.0, |unit| unit.factor), constant: None })
+            let unit =
+                given.map_or_else(|| self.stated_unit(quantity, index), |unit| Ok(Some(unit)))?;
+            Ok(ColumnSource {
+                index,
+                unit,
+                factor: unit.map_or(1.0, |unit| unit.factor),
+                constant: None,
+            })
         };
         columns.into_iter().map(source).collect()
     }
 
-    fn stated_unit(&self, quantity: Quantity, index: usize) -> Result<Option<StatedUnit>, RecordingError> {
+    fn stated_unit(
+        &self,
+        quantity: Quantity,
+        index: usize,
+    ) -> Result<Option<StatedUnit>, RecordingError> {
         let name = &self.columns[index];
-        let understood = self.meanings[index].as_ref().filter(|meaning| meaning.quantity == quantity);
-        let of_name = understood.and_then(|meaning| meaning.unit).or_else(|| header::unit_at_end(name, quantity));
+        let understood =
+            self.meanings[index].as_ref().filter(|meaning| meaning.quantity == quantity);
+        let of_name = understood
+            .and_then(|meaning| meaning.unit)
+            .or_else(|| header::unit_at_end(name, quantity));
         if of_name.is_some() {
             return Ok(of_name);
         }
@@ -132,7 +149,9 @@ impl<'a> JointColumns<'a> {
         match (of_line, cell, header::bracketed(name).filter(|_| name.ends_with(']'))) {
             (Some(unit), ..) => Ok(Some(unit)),
             (None, Some(cell), _) if !cell.is_empty() && cell != "-" => Err(unknown(cell)),
-            (None, _, Some(text)) if understood.is_none() && !header::says_nothing(text) => Err(unknown(text)),
+            (None, _, Some(text)) if understood.is_none() && !header::says_nothing(text) => {
+                Err(unknown(text))
+            }
             _ => Ok(None),
         }
     }
@@ -142,7 +161,8 @@ impl<'a> JointColumns<'a> {
         let is_current = |&index: &usize| {
             let unit = |quantity| self.stated_unit(quantity, index).ok().flatten();
             let named = self.meanings[index].as_ref().map(|meaning| meaning.quantity);
-            named == Some(Quantity::Current) || unit(Quantity::Torque).is_none() && unit(Quantity::Current).is_some()
+            named == Some(Quantity::Current)
+                || unit(Quantity::Torque).is_none() && unit(Quantity::Current).is_some()
         };
         !columns.is_empty() && columns.iter().all(is_current)
     }
@@ -157,7 +177,9 @@ impl<'a> JointColumns<'a> {
 
     /// Numbers of the columns of `quantity`, in order.
     fn numbers(&self, quantity: Quantity) -> Vec<u32> {
-        let number = |(_, label): (usize, &Label)| if let Label::Number(number) = label { Some(*number) } else { None };
+        let number = |(_, label): (usize, &Label)| {
+            if let Label::Number(number) = label { Some(*number) } else { None }
+        };
         let mut numbers: Vec<u32> = self.of(quantity).filter_map(number).collect();
         numbers.sort_unstable();
         numbers.dedup();
@@ -217,22 +239,34 @@ impl<'a> JointColumns<'a> {
                 [] => missing.push(joint.clone()),
                 [index] => found.push(index),
                 _ => {
-                    let candidates = candidates.iter().map(|&index| self.columns[index].clone()).collect();
-                    let (path, quantity, joint) = (self.path.into(), quantity.name(), joint.clone());
-                    return Err(RecordingError::AmbiguousColumn { path, quantity, joint, candidates });
+                    let candidates =
+                        candidates.iter().map(|&index| self.columns[index].clone()).collect();
+                    let (path, quantity, joint) =
+                        (self.path.into(), quantity.name(), joint.clone());
+                    return Err(RecordingError::AmbiguousColumn {
+                        path,
+                        quantity,
+                        joint,
+                        candidates,
+                    });
                 }
             }
         }
         if !missing.is_empty() {
             return Err(self.incomplete(quantity, missing));
         }
-        let number = |label: &Label| if let Label::Number(number) = label { Some(*number) } else { None };
+        let number =
+            |label: &Label| if let Label::Number(number) = label { Some(*number) } else { None };
         Ok(Some(QuantityColumns { columns: found, numbers: labels.iter().map(number).collect() }))
     }
 
-    /// How the columns of `quantity` call the joints: by their names, else by number, else (one joint) not at all.
-    /// If some joints have no column, the result names them all the same.
-    fn labels(&self, quantity: Quantity, agreed: Option<&[u32]>) -> Result<Option<Vec<Label>>, RecordingError> {
+    /// How the columns of `quantity` call the joints: by their names, else by number, else (one
+    /// joint) not at all. If some joints have no column, the result names them all the same.
+    fn labels(
+        &self,
+        quantity: Quantity,
+        agreed: Option<&[u32]>,
+    ) -> Result<Option<Vec<Label>>, RecordingError> {
         let has = |wanted: &Label| self.of(quantity).any(|(_, label)| label == wanted);
         let names: Vec<Label> = self.joints.iter().cloned().map(Label::Name).collect();
         if names.iter().all(has) {
@@ -288,8 +322,13 @@ impl<'a> JointColumns<'a> {
         numbered.map(|(index, _)| self.columns[index].clone()).collect()
     }
 
-    /// The number of each joint: the one its name ends in, else its place; `None` if there are too few numbers.
-    fn choose(&self, numbers: &[u32], quantity: Quantity) -> Result<Option<Vec<u32>>, RecordingError> {
+    /// The number of each joint: the one its name ends in, else its place; `None` if there are too
+    /// few numbers.
+    fn choose(
+        &self,
+        numbers: &[u32],
+        quantity: Quantity,
+    ) -> Result<Option<Vec<u32>>, RecordingError> {
         let wanted = self.joints.len();
         let own: Option<Vec<u32>> = self.joints.iter().map(|joint| ending_number(joint)).collect();
         if let Some(chosen) = own.as_deref().and_then(|own| places_of_numbers(own, numbers)) {

@@ -29,7 +29,15 @@ pub(super) struct Lines<R> {
 
 impl<R: BufRead> Lines<R> {
     pub(super) fn new(text: R) -> Self {
-        Self { text, line: Vec::new(), number: 0, ahead: VecDeque::new(), taken: 0, delimiter: b',', end: b'\n' }
+        Self {
+            text,
+            line: Vec::new(),
+            number: 0,
+            ahead: VecDeque::new(),
+            taken: 0,
+            delimiter: b',',
+            end: b'\n',
+        }
     }
 
     /// Looks at the beginning of the text for the sign that ends its lines.
@@ -77,12 +85,16 @@ impl<R: BufRead> Lines<R> {
         Ok(false)
     }
 
-    /// The header: the first line that is no comment, or, above numbers, the last comment, or a comment that names columns of
-    /// a log right above a row that does not. If that names no columns of a
-    /// log but a line below it and above the numbers does, it is that one, and what stands above is a title.
+    /// The header: the first line that is no comment, or, above numbers, the last comment, or a
+    /// comment that names columns of a log right above a row that does not. If that names no
+    /// columns of a log but a line below it and above the numbers does, it is that one, and what
+    /// stands above is a title.
     ///
     /// - `names_columns`: whether cells are column names of a log
-    pub(super) fn header(&mut self, names_columns: impl Fn(&[String]) -> bool) -> io::Result<Header> {
+    pub(super) fn header(
+        &mut self,
+        names_columns: impl Fn(&[String]) -> bool,
+    ) -> io::Result<Header> {
         self.find_end()?;
         let first = self.first_header(&names_columns)?;
         if is_numeric(&first.line) || names_columns(&first.names()) {
@@ -95,7 +107,8 @@ impl<R: BufRead> Lines<R> {
         while below.len() < MOST_TITLE_LINES && bytes < MOST_TITLE_BYTES && self.next_row()? {
             let line = self.line.trim_ascii().to_vec();
             bytes += line.len();
-            let candidate = Header { delimiter: delimiter_of(&line), line, titles: 1 + below.len() };
+            let candidate =
+                Header { delimiter: delimiter_of(&line), line, titles: 1 + below.len() };
             if is_numeric(&candidate.line) {
                 numbers = Some(candidate.line);
                 self.hold();
@@ -129,7 +142,8 @@ impl<R: BufRead> Lines<R> {
             }
             let own = line.to_vec();
             let is_row_of = |names: &[u8]| {
-                let (names, row) = (Header::of(names.to_vec()).names(), Header::of(own.clone()).names());
+                let (names, row) =
+                    (Header::of(names.to_vec()).names(), Header::of(own.clone()).names());
                 names.len() == row.len() && names_columns(&names) && !names_columns(&row)
             };
             let above = comment.take().filter(|names| is_numeric(&own) || is_row_of(names));
@@ -147,13 +161,17 @@ impl<R: BufRead> Lines<R> {
         header
     }
 
-    /// The cells of the next line if they are units of the columns, which `are_units` tells; else that line is still to
-    /// come.
-    pub(super) fn units(&mut self, are_units: impl Fn(&[String]) -> bool) -> io::Result<Option<Vec<String>>> {
+    /// The cells of the next line if they are units of the columns, which `are_units` tells; else
+    /// that line is still to come.
+    pub(super) fn units(
+        &mut self,
+        are_units: impl Fn(&[String]) -> bool,
+    ) -> io::Result<Option<Vec<String>>> {
         if !self.next_row()? {
             return Ok(None);
         }
-        let units: Vec<String> = self.cells().iter().map(|cell| decoded(cell).trim().to_string()).collect();
+        let units: Vec<String> =
+            self.cells().iter().map(|cell| decoded(cell).trim().to_string()).collect();
         if are_units(&units) {
             return Ok(Some(units));
         }
@@ -177,8 +195,9 @@ impl<R: BufRead> Lines<R> {
     }
 }
 
-/// Of lines that name no columns that are understood, the first with as many cells as the numbers have, none of them empty, so that
-/// a message speaks of names and not of a title; else the first of all. And the lines below it.
+/// Of lines that name no columns that are understood, the first with as many cells as the numbers
+/// have, none of them empty, so that a message speaks of names and not of a title; else the first
+/// of all. And the lines below it.
 fn widest(
     first: Header,
     mut below: VecDeque<(u64, Vec<u8>)>,
@@ -190,7 +209,8 @@ fn widest(
         let is_full = names.len() > 1 && names.iter().all(|name| !name.is_empty());
         is_full && numbers.is_some_and(|numbers| cells(numbers, delimiter).len() == names.len())
     };
-    let place = below.iter().position(|(_, line)| fits(line.trim_ascii())).filter(|_| !fits(&first.line));
+    let place =
+        below.iter().position(|(_, line)| fits(line.trim_ascii())).filter(|_| !fits(&first.line));
     let Some(place) = place else { return (first, below) };
     let rest = below.split_off(place + 1);
     let line = below.pop_back().map(|(_, line)| line.trim_ascii().to_vec()).unwrap_or_default();
@@ -235,37 +255,50 @@ fn require_names_in(path: &str, line: &[u8], found: usize) -> Result<(), Recordi
         return Err(RecordingError::NoHeader { path: path.into(), first_line });
     }
     if found > MOST_COLUMNS {
-        return Err(RecordingError::TooManyColumns { path: path.into(), found, limit: MOST_COLUMNS });
+        return Err(RecordingError::TooManyColumns {
+            path: path.into(),
+            found,
+            limit: MOST_COLUMNS,
+        });
     }
     Ok(())
 }
 
-/// Text in UTF-8, else in Latin-1; signs that were UTF-8 and were written again as if they were Latin-1 are mended.
+/// Text in UTF-8, else in Latin-1; signs that were UTF-8 and were written again as if they were
+/// Latin-1 are mended.
 pub(super) fn decoded(text: &[u8]) -> Cow<'_, str> {
     let text: Cow<'_, str> = match std::str::from_utf8(text) {
         Ok(text) => text.into(),
         Err(_) => text.iter().map(|&byte| char::from(byte)).collect::<String>().into(),
     };
     let twice = ["Â°", "Âº", "Â·", "Âµ", "Â²"];
-    if twice.iter().any(|signs| text.contains(signs)) { text.replace('Â', "").into() } else { text }
+    if twice.iter().any(|signs| text.contains(signs)) {
+        text.replace('Â', "").into()
+    } else {
+        text
+    }
 }
 
 /// Whether all cells are numbers.
 fn is_numeric(line: &[u8]) -> bool {
     let line = String::from_utf8_lossy(line);
-    let mut cells = line.split([',', ';', '\t', ' ']).map(str::trim).filter(|cell| !cell.is_empty()).peekable();
+    let mut cells =
+        line.split([',', ';', '\t', ' ']).map(str::trim).filter(|cell| !cell.is_empty()).peekable();
     cells.peek().is_some() && cells.all(|cell| cell.parse::<f64>().is_ok())
 }
 
 /// The separator of a header line: the most frequent one, or else blanks.
 fn delimiter_of(header: &[u8]) -> u8 {
     let count = |delimiter: u8| header.iter().filter(|&&byte| byte == delimiter).count();
-    let best = [b'\t', b';', b','].into_iter().max_by_key(|&delimiter| count(delimiter)).expect("three candidates");
+    let best = [b'\t', b';', b',']
+        .into_iter()
+        .max_by_key(|&delimiter| count(delimiter))
+        .expect("three candidates");
     if count(best) > 0 { best } else { b' ' }
 }
 
-/// The cells of a line without the blanks around them; several blanks in a row separate once. Within quotes nothing
-/// separates, and two quotes stand for one.
+/// The cells of a line without the blanks around them; several blanks in a row separate once.
+/// Within quotes nothing separates, and two quotes stand for one.
 fn cells(line: &[u8], delimiter: u8) -> Vec<Cow<'_, [u8]>> {
     let mut cells = Vec::new();
     let mut quoted = false;

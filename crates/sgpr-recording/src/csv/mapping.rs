@@ -17,7 +17,8 @@ pub(super) enum TimeSource {
     Column { index: usize, unit: Option<TimeUnit> },
     /// The two columns of a ROS time stamp.
     Stamp { seconds: usize, nanoseconds: usize },
-    /// A column of dates with times, or of times of day: `midnights` passed up to the one before, ns of that one.
+    /// A column of dates with times, or of times of day: `midnights` passed up to the one before,
+    /// ns of that one.
     Calendar { index: usize, midnights: i64, before: i64 },
 }
 
@@ -54,7 +55,10 @@ impl Mapping {
         notes.extend(note_on_unused_time(columns, &clock));
         let torque = if options.has_torque_constants() {
             if table.of(Quantity::Torque).next().is_some() {
-                notes.push("torque is computed from the currents; torque columns are kept as channels".into());
+                notes.push(
+                    "torque is computed from the currents; torque columns are kept as channels"
+                        .into(),
+                );
             }
             Some(mapper.torque_from_current(agreed)?)
         } else {
@@ -63,13 +67,22 @@ impl Mapping {
         if torque.is_none() {
             notes.extend(mapper.note_on_currents());
         }
-        let position = table.sources(Quantity::Position, found.columns, units.position.map(StatedUnit::from))?;
+        let position = table.sources(
+            Quantity::Position,
+            found.columns,
+            units.position.map(StatedUnit::from),
+        )?;
         let of_velocity = |found: QuantityColumns| {
             table.sources(Quantity::Velocity, found.columns, units.velocity.map(StatedUnit::from))
         };
         let velocity = velocity.map(of_velocity).transpose()?;
-        let arrays = Arrays { position: &position, velocity: velocity.as_deref(), torque: torque.as_deref() };
-        let layout = Layout { by_order: table.by_order.get(), ..arrays.layout(&table.joints, columns) };
+        let arrays = Arrays {
+            position: &position,
+            velocity: velocity.as_deref(),
+            torque: torque.as_deref(),
+        };
+        let layout =
+            Layout { by_order: table.by_order.get(), ..arrays.layout(&table.joints, columns) };
         Ok(Self { clock, position, velocity, torque, notes, layout, joints: table.joints })
     }
 }
@@ -85,7 +98,8 @@ impl Arrays<'_> {
     /// The layout without its time, which the rows tell.
     fn layout(&self, joints: &[String], columns: &[String]) -> Layout {
         let column = |quantity: Quantity, source: &ColumnSource| {
-            let assumed = if source.constant.is_some() { Quantity::Current } else { quantity }.usual_unit();
+            let assumed =
+                if source.constant.is_some() { Quantity::Current } else { quantity }.usual_unit();
             ColumnLayout {
                 column: columns[source.index].clone(),
                 unit: source.unit.map_or(assumed, |unit| unit.name).into(),
@@ -99,7 +113,11 @@ impl Arrays<'_> {
             velocity: self.velocity.map(|sources| column(Quantity::Velocity, &sources[place])),
             torque: self.torque.map(|sources| column(Quantity::Torque, &sources[place])),
         };
-        Layout { time: String::new(), joints: joints.iter().enumerate().map(joint).collect(), by_order: false }
+        Layout {
+            time: String::new(),
+            joints: joints.iter().enumerate().map(joint).collect(),
+            by_order: false,
+        }
     }
 }
 
@@ -107,7 +125,9 @@ fn require_distinct(path: &str, columns: &[String]) -> Result<(), RecordingError
     let mut sorted: Vec<&String> = columns.iter().filter(|name| !name.is_empty()).collect();
     sorted.sort();
     match sorted.windows(2).find(|pair| pair[0] == pair[1]) {
-        Some(pair) => Err(RecordingError::DuplicateColumn { path: path.into(), column: pair[0].clone() }),
+        Some(pair) => {
+            Err(RecordingError::DuplicateColumn { path: path.into(), column: pair[0].clone() })
+        }
         None => Ok(()),
     }
 }
@@ -132,8 +152,13 @@ fn clock(
     }
     let unit = |index: usize| {
         let name = &columns[index];
-        let of_name = || header::time_unit(name).flatten().or_else(|| header::bracketed(name)?.parse().ok());
-        let of_line = || line_of_units.get(index).and_then(|cell| header::bracketed(cell).unwrap_or(cell).parse().ok());
+        let of_name =
+            || header::time_unit(name).flatten().or_else(|| header::bracketed(name)?.parse().ok());
+        let of_line = || {
+            line_of_units
+                .get(index)
+                .and_then(|cell| header::bracketed(cell).unwrap_or(cell).parse().ok())
+        };
         options.units.time.or_else(of_name).or_else(of_line)
     };
     if let Some(name) = &options.columns.time {
@@ -161,7 +186,8 @@ fn stamp(columns: &[String]) -> Option<TimeSource> {
     let part = |wanted_stem: Option<&str>, of_seconds: bool| {
         columns.iter().enumerate().find_map(|(index, name)| {
             let (stem, unit) = header::stamp_part(name)?;
-            let fits = wanted_stem.is_none_or(|wanted| wanted == stem) && (unit == TimeUnit::Second) == of_seconds;
+            let fits = wanted_stem.is_none_or(|wanted| wanted == stem)
+                && (unit == TimeUnit::Second) == of_seconds;
             fits.then_some((index, stem))
         })
     };
@@ -180,7 +206,11 @@ impl Mapper<'_> {
     /// `None` if the log has no columns of this quantity.
     ///
     /// - `agreed`: the numbers of the joints in the columns of their positions
-    fn find(&self, quantity: Quantity, agreed: Option<&[u32]>) -> Result<Option<QuantityColumns>, RecordingError> {
+    fn find(
+        &self,
+        quantity: Quantity,
+        agreed: Option<&[u32]>,
+    ) -> Result<Option<QuantityColumns>, RecordingError> {
         let columns = &self.options.columns;
         let (option, explicit) = match quantity {
             Quantity::Position => ("columns.position", &columns.position),
@@ -193,23 +223,39 @@ impl Mapper<'_> {
         }
     }
 
-    fn explicit(&self, option: &'static str, columns: &Columns) -> Result<QuantityColumns, RecordingError> {
+    fn explicit(
+        &self,
+        option: &'static str,
+        columns: &Columns,
+    ) -> Result<QuantityColumns, RecordingError> {
         let JointColumns { path, columns: known, joints, .. } = self.table;
         match columns {
             Columns::Names(names) if names.len() == joints.len() => {
-                let found = names.iter().map(|name| require(path, known, name)).collect::<Result<_, _>>()?;
+                let found = names
+                    .iter()
+                    .map(|name| require(path, known, name))
+                    .collect::<Result<_, _>>()?;
                 Ok(QuantityColumns { columns: found, numbers: None })
             }
-            Columns::Names(names) => {
-                Err(RecordingError::EntriesPerJoint { option, expected: joints.len(), found: names.len() })
-            }
+            Columns::Names(names) => Err(RecordingError::EntriesPerJoint {
+                option,
+                expected: joints.len(),
+                found: names.len(),
+            }),
             Columns::Pattern(pattern) => {
                 let varies = pattern.contains("{}") || pattern.contains("{name}");
                 if joints.len() > 1 && !varies {
-                    let expected = "a pattern for several joints holds {} (number of the joint) or {name}";
-                    return Err(RecordingError::InvalidOption { option, value: pattern.clone(), expected });
+                    let expected =
+                        "a pattern for several joints holds {} (number of the joint) or {name}";
+                    return Err(RecordingError::InvalidOption {
+                        option,
+                        value: pattern.clone(),
+                        expected,
+                    });
                 }
-                let place = |(index, joint): (usize, &String)| require(path, known, &expand(pattern, index + 1, joint));
+                let place = |(index, joint): (usize, &String)| {
+                    require(path, known, &expand(pattern, index + 1, joint))
+                };
                 let found = joints.iter().enumerate().map(place).collect::<Result<_, _>>()?;
                 let numbers = pattern.contains("{}").then(|| (1u32..).take(joints.len()).collect());
                 Ok(QuantityColumns { columns: found, numbers })
@@ -218,19 +264,28 @@ impl Mapper<'_> {
     }
 
     fn torque(&self, agreed: Option<&[u32]>) -> Result<Option<Vec<ColumnSource>>, RecordingError> {
-        let Some(QuantityColumns { columns, .. }) = self.find(Quantity::Torque, agreed)? else { return Ok(None) };
+        let Some(QuantityColumns { columns, .. }) = self.find(Quantity::Torque, agreed)? else {
+            return Ok(None);
+        };
         let given = self.options.units.torque.map(StatedUnit::from);
         if given.is_none() && self.table.are_currents(&columns) {
             let columns = columns.iter().map(|&index| self.table.columns[index].clone()).collect();
-            return Err(RecordingError::CurrentsAsTorques { path: self.table.path.into(), columns });
+            return Err(RecordingError::CurrentsAsTorques {
+                path: self.table.path.into(),
+                columns,
+            });
         }
         self.table.sources(Quantity::Torque, columns, given).map(Some)
     }
 
-    fn torque_from_current(&self, agreed: Option<&[u32]>) -> Result<Vec<ColumnSource>, RecordingError> {
+    fn torque_from_current(
+        &self,
+        agreed: Option<&[u32]>,
+    ) -> Result<Vec<ColumnSource>, RecordingError> {
         self.check_constants()?;
         let columns = self.find(Quantity::Current, agreed)?;
-        let found = columns.ok_or_else(|| self.table.incomplete(Quantity::Current, self.table.joints.clone()))?;
+        let found = columns
+            .ok_or_else(|| self.table.incomplete(Quantity::Current, self.table.joints.clone()))?;
         let constants = self.constants(found.numbers.is_some())?;
         let currents = self.table.sources(Quantity::Current, found.columns, None)?;
         let scaled = |(current, constant): (ColumnSource, f64)| ColumnSource {
@@ -244,14 +299,21 @@ impl Mapper<'_> {
     /// Refuses torque constants that no columns could use.
     fn check_constants(&self) -> Result<(), RecordingError> {
         let (option, joints) = ("torque_constants", &self.table.joints);
-        let (listed, named) = (&self.options.torque_constants, &self.options.named_torque_constants);
-        if let Some(constants) = listed.as_ref().filter(|constants| constants.len() != joints.len()) {
-            return Err(RecordingError::EntriesPerJoint { option, expected: joints.len(), found: constants.len() });
+        let (listed, named) =
+            (&self.options.torque_constants, &self.options.named_torque_constants);
+        if let Some(constants) = listed.as_ref().filter(|constants| constants.len() != joints.len())
+        {
+            return Err(RecordingError::EntriesPerJoint {
+                option,
+                expected: joints.len(),
+                found: constants.len(),
+            });
         }
         let mut values = listed.iter().flatten().chain(named.iter().map(|(_, constant)| constant));
         match values.find(|constant| !constant.is_finite() || **constant == 0.0) {
             Some(constant) => {
-                let (value, expected) = (constant.to_string(), "numbers other than zero, N·m per A");
+                let (value, expected) =
+                    (constant.to_string(), "numbers other than zero, N·m per A");
                 Err(RecordingError::InvalidOption { option, value, expected })
             }
             None => Ok(()),
@@ -276,14 +338,22 @@ impl Mapper<'_> {
             None => {
                 if let Some((name, _)) = named.iter().find(|(name, _)| !joints.contains(name)) {
                     let (recording, known) = (self.table.path.into(), joints.clone());
-                    return Err(RecordingError::UnknownJoint { recording, joint: name.clone(), known });
+                    return Err(RecordingError::UnknownJoint {
+                        recording,
+                        joint: name.clone(),
+                        known,
+                    });
                 }
                 let of_joint = |joint: &String| {
-                    let found = named.iter().find(|(name, _)| name == joint).map(|(_, constant)| *constant);
+                    let found =
+                        named.iter().find(|(name, _)| name == joint).map(|(_, constant)| *constant);
                     found.ok_or_else(|| RecordingError::NoConstant {
                         path: self.table.path.into(),
                         joint: joint.clone(),
-                        hint: suggestion(joint, &named.iter().map(|(name, _)| name.clone()).collect::<Vec<_>>()),
+                        hint: suggestion(
+                            joint,
+                            &named.iter().map(|(name, _)| name.clone()).collect::<Vec<_>>(),
+                        ),
                     })
                 };
                 joints.iter().map(of_joint).collect()
@@ -294,10 +364,12 @@ impl Mapper<'_> {
     /// Motor currents that nobody made torques of.
     fn note_on_currents(&self) -> Option<String> {
         let columns = &self.table.columns;
-        let currents: Vec<String> = self.table.of(Quantity::Current).map(|(index, _)| columns[index].clone()).collect();
+        let currents: Vec<String> =
+            self.table.of(Quantity::Current).map(|(index, _)| columns[index].clone()).collect();
         (!currents.is_empty()).then(|| {
             format!(
-                "there is no torque, but motor currents ({}): give `torque_constants`, N·m per A, to make torques of them",
+                "there is no torque, but motor currents ({}): give `torque_constants`, N·m per A, \
+                 to make torques of them",
                 quoted(&currents)
             )
         })
@@ -312,7 +384,8 @@ impl Mapper<'_> {
         });
         let names: Vec<String> = position.iter().map(|&index| columns[index].clone()).collect();
         let automatic = self.options.columns.position.is_none();
-        (by_number && automatic)
-            .then(|| format!("joints by number: {} are the columns {}", quoted(joints), quoted(&names)))
+        (by_number && automatic).then(|| {
+            format!("joints by number: {} are the columns {}", quoted(joints), quoted(&names))
+        })
     }
 }

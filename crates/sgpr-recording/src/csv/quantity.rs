@@ -26,7 +26,9 @@ impl Quantity {
     /// Words for it, in lower case.
     pub(super) fn words(self) -> &'static [&'static str] {
         match self {
-            Self::Position => &["position", "positions", "pos", "angle", "istposition", "winkel", "istwinkel"],
+            Self::Position => {
+                &["position", "positions", "pos", "angle", "istposition", "winkel", "istwinkel"]
+            }
             Self::Velocity => &[
                 "velocity",
                 "velocities",

@@ -17,13 +17,13 @@ use crate::{Recording, RecordingError, TimeUnit};
 /// Reads a table. How columns are understood is told in the [module documentation](super).
 ///
 /// Values are taken as they are; an empty cell and `nan` become NaN, to be found by
-/// [`inspect`](crate::inspect()). Numeric columns that belong to no joint become channels; text columns are
-/// skipped. What was assumed or left out is in [`Recording::notes`].
+/// [`inspect`](crate::inspect()). Numeric columns that belong to no joint become channels; text
+/// columns are skipped. What was assumed or left out is in [`Recording::notes`].
 ///
 /// # Errors
-/// If the file is unreadable, empty, of another kind, too large, has no header, no rows, rows of unequal length, text in
-/// a column of numbers; if time or joint columns are missing or can be understood in several ways; if an option
-/// contradicts the file.
+/// If the file is unreadable, empty, of another kind, too large, has no header, no rows, rows of
+/// unequal length, text in a column of numbers; if time or joint columns are missing or can be
+/// understood in several ways; if an option contradicts the file.
 ///
 /// # Examples
 /// ```no_run
@@ -41,12 +41,19 @@ pub fn read(path: impl AsRef<Path>, options: &ReadOptions) -> Result<Recording, 
     let mut lines = Lines::new(source::open(path, options.limit_bytes)?);
     let header = lines.header(|cells| names_a_log(cells, options)).map_err(explain)?;
     let columns = header.columns(&name)?;
-    let units = lines.units(|cells| are_units(cells, &columns, options)).map_err(explain)?.unwrap_or_default();
+    let units = lines
+        .units(|cells| are_units(cells, &columns, options))
+        .map_err(explain)?
+        .unwrap_or_default();
     let mut mapping = Mapping::new(&name, &columns, &units, options)?;
     if header.titles > 0 {
-        mapping
-            .notes
-            .insert(0, format!("passed over {} above the names of the columns", counted(header.titles, "line")));
+        mapping.notes.insert(
+            0,
+            format!(
+                "passed over {} above the names of the columns",
+                counted(header.titles, "line")
+            ),
+        );
     }
     let mut table = LogTable::new(&name, &columns, mapping, options);
     while lines.next_row().map_err(explain)? {
@@ -81,8 +88,8 @@ fn names_a_log(cells: &[String], options: &ReadOptions) -> bool {
     has_time && has_position
 }
 
-/// Whether cells are units: no numbers, and each that stands in a column of time or of a joint is a unit of it, or in
-/// brackets.
+/// Whether cells are units: no numbers, and each that stands in a column of time or of a joint is a
+/// unit of it, or in brackets.
 pub(super) fn are_units(cells: &[String], columns: &[String], options: &ReadOptions) -> bool {
     let is_number = |cell: &String| cell.parse::<f64>().is_ok() || moment(cell).is_some();
     if cells.len() != columns.len() || cells.iter().any(is_number) {
@@ -90,9 +97,12 @@ pub(super) fn are_units(cells: &[String], columns: &[String], options: &ReadOpti
     }
     let is_unit = |cell: &String| {
         let text = header::bracketed(cell).unwrap_or(cell);
-        text.parse::<TimeUnit>().is_ok() || Quantity::ALL.iter().any(|quantity| quantity.unit(text).is_some())
+        text.parse::<TimeUnit>().is_ok()
+            || Quantity::ALL.iter().any(|quantity| quantity.unit(text).is_some())
     };
-    let is_time = |name: &String| options.columns.time.as_ref() == Some(name) || header::time_unit(name).is_some();
+    let is_time = |name: &String| {
+        options.columns.time.as_ref() == Some(name) || header::time_unit(name).is_some()
+    };
     let of_time = cells.iter().zip(columns).find(|(_, name)| is_time(name)).map(|(cell, _)| cell);
     of_time.map_or_else(|| cells.iter().any(is_unit), is_unit)
 }
@@ -105,8 +115,13 @@ struct TextRow<'a> {
 }
 
 impl<'a> TextRow<'a> {
-    fn new(path: &str, columns: usize, lines: &'a Lines<impl BufRead>) -> Result<Self, RecordingError> {
-        let (line, mut cells, decimal_comma) = (lines.number(), lines.cells(), lines.has_decimal_comma());
+    fn new(
+        path: &str,
+        columns: usize,
+        lines: &'a Lines<impl BufRead>,
+    ) -> Result<Self, RecordingError> {
+        let (line, mut cells, decimal_comma) =
+            (lines.number(), lines.cells(), lines.has_decimal_comma());
         // Some loggers end each row, but not the header, with a separator.
         if cells.len() == columns + 1 && cells.last().is_some_and(|cell| cell.is_empty()) {
             cells.pop();
@@ -114,12 +129,21 @@ impl<'a> TextRow<'a> {
         if cells.len() == columns {
             return Ok(Self { line, cells, decimal_comma });
         }
-        Err(RecordingError::RowLength { path: path.into(), line, expected: columns, found: cells.len() })
+        Err(RecordingError::RowLength {
+            path: path.into(),
+            line,
+            expected: columns,
+            found: cells.len(),
+        })
     }
 
     fn cell(&self, column: usize) -> Cow<'_, str> {
         let text = String::from_utf8_lossy(&self.cells[column]);
-        if self.decimal_comma && text.contains(',') { text.replacen(',', ".", 1).into() } else { text }
+        if self.decimal_comma && text.contains(',') {
+            text.replacen(',', ".", 1).into()
+        } else {
+            text
+        }
     }
 }
 

@@ -16,7 +16,11 @@ const FOREIGN: [(&[u8], &str, &str); 4] = [
     (b"\x89MCAP", "an MCAP file", "read it with the MCAP reader"),
     (b"PK\x03\x04", "a zip archive or an Excel workbook", "save it as CSV"),
     (b"\x28\xb5\x2f\xfd", "a zstd archive", "unpack it or compress it with gzip"),
-    (b"SQLite format 3", "an SQLite data base", "convert a ROS 2 bag with `ros2 bag convert` to MCAP"),
+    (
+        b"SQLite format 3",
+        "an SQLite data base",
+        "convert a ROS 2 bag with `ros2 bag convert` to MCAP",
+    ),
 ];
 
 /// The same for files of tags.
@@ -35,7 +39,8 @@ pub(super) fn open(path: &Path, limit: u64) -> Result<BufReader<Bounded>, Record
     let packed = file.fill_buf().map_err(unreadable)?.starts_with(b"\x1f\x8b");
     let bytes: Box<dyn BufRead> =
         if packed { Box::new(BufReader::new(MultiGzDecoder::new(file))) } else { Box::new(file) };
-    let text = decoded(bytes).map_err(|error| unreadable(if packed { damaged(error) } else { error }))?;
+    let text =
+        decoded(bytes).map_err(|error| unreadable(if packed { damaged(error) } else { error }))?;
     let bounded = Bounded { text, packed, left: limit, line: 1, line_length: 0 };
     let mut reader = BufReader::with_capacity(1 << 16, bounded);
 
@@ -47,8 +52,9 @@ pub(super) fn open(path: &Path, limit: u64) -> Result<BufReader<Bounded>, Record
         return Err(RecordingError::WrongFormat { path: name, expected: "CSV", found, advice });
     }
     let beginning = start.trim_ascii_start();
-    let begins_with =
-        |tag: &str| beginning.get(..tag.len()).is_some_and(|own| own.eq_ignore_ascii_case(tag.as_bytes()));
+    let begins_with = |tag: &str| {
+        beginning.get(..tag.len()).is_some_and(|own| own.eq_ignore_ascii_case(tag.as_bytes()))
+    };
     if let Some((_, found, advice)) = TAGS.iter().find(|(tag, ..)| begins_with(tag)) {
         return Err(RecordingError::WrongFormat { path: name, expected: "CSV", found, advice });
     }
@@ -67,7 +73,9 @@ pub(super) fn explain(path: &str, limit: u64, error: io::Error) -> RecordingErro
     let path = path.to_string();
     match error.get_ref().and_then(|cause| cause.downcast_ref()) {
         Some(TooMuchText::Total) => RecordingError::TooLarge { path, limit },
-        Some(TooMuchText::Line(line)) => RecordingError::LongLine { path, line: *line, limit: LONGEST_LINE },
+        Some(TooMuchText::Line(line)) => {
+            RecordingError::LongLine { path, line: *line, limit: LONGEST_LINE }
+        }
         None => RecordingError::Unreadable { path, source: error },
     }
 }
@@ -93,10 +101,15 @@ pub(super) struct Bounded {
 impl Read for Bounded {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
         let count = match self.text.read(buffer) {
-            Err(error) if self.packed && error.kind() != io::ErrorKind::Interrupted => return Err(damaged(error)),
+            Err(error) if self.packed && error.kind() != io::ErrorKind::Interrupted => {
+                return Err(damaged(error));
+            }
             result => result?,
         };
-        self.left = self.left.checked_sub(count as u64).ok_or_else(|| io::Error::other(TooMuchText::Total))?;
+        self.left = self
+            .left
+            .checked_sub(count as u64)
+            .ok_or_else(|| io::Error::other(TooMuchText::Total))?;
         for part in buffer[..count].split_inclusive(|&byte| byte == b'\n') {
             self.line_length += part.len();
             if self.line_length > LONGEST_LINE {
@@ -116,7 +129,8 @@ fn damaged(error: io::Error) -> io::Error {
     io::Error::new(error.kind(), format!("the gzip data are truncated or damaged ({error})"))
 }
 
-/// `bytes` as UTF-8 if they begin with the mark of UTF-16, as spreadsheets write "Unicode text"; else as they are.
+/// `bytes` as UTF-8 if they begin with the mark of UTF-16, as spreadsheets write "Unicode text";
+/// else as they are.
 fn decoded(mut bytes: Box<dyn BufRead>) -> io::Result<Box<dyn Read>> {
     let unit = match bytes.fill_buf()? {
         [0xff, 0xfe, ..] => u16::from_le_bytes,
@@ -152,7 +166,9 @@ impl Read for Utf16 {
         if self.text.position() == self.text.get_ref().len() as u64 {
             let mut units = Vec::with_capacity(UNITS);
             // A character of two units stays whole.
-            while units.len() < UNITS || units.last().is_some_and(|unit| (0xd800..0xdc00).contains(unit)) {
+            while units.len() < UNITS
+                || units.last().is_some_and(|unit| (0xd800..0xdc00).contains(unit))
+            {
                 match self.next()? {
                     Some(unit) => units.push(unit),
                     None => break,

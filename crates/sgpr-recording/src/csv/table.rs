@@ -88,7 +88,12 @@ impl Names<'_> {
         }
     }
 
-    fn time(&self, row: &impl TableRow, column: usize, unit: TimeUnit) -> Result<i64, RecordingError> {
+    fn time(
+        &self,
+        row: &impl TableRow,
+        column: usize,
+        unit: TimeUnit,
+    ) -> Result<i64, RecordingError> {
         row.time(column, unit).ok_or_else(|| self.not_a_time(row, column, unit.name()))
     }
 
@@ -117,7 +122,8 @@ impl Array {
 
     fn take(&mut self, row: &impl TableRow, names: Names<'_>) -> Result<(), RecordingError> {
         for ColumnSource { index, factor, .. } in &self.sources {
-            self.values.push(row.number(*index).ok_or_else(|| names.not_a_number(row, *index))? * factor);
+            self.values
+                .push(row.number(*index).ok_or_else(|| names.not_a_number(row, *index))? * factor);
         }
         Ok(())
     }
@@ -167,14 +173,20 @@ pub(super) struct LogTable<'a> {
     channels: Vec<ChannelColumn>,
     notes: Vec<String>,
     layout: Layout,
-    /// Data rows of the file so far, those of them whose time was read, and the times of the first and last of these.
+    /// Data rows of the file so far, those of them whose time was read, and the times of the first
+    /// and last of these.
     rows: usize,
     timed: usize,
     span: [i64; 2],
 }
 
 impl<'a> LogTable<'a> {
-    pub(super) fn new(path: &'a str, columns: &'a [String], mapping: Mapping, options: &'a ReadOptions) -> Self {
+    pub(super) fn new(
+        path: &'a str,
+        columns: &'a [String],
+        mapping: Mapping,
+        options: &'a ReadOptions,
+    ) -> Self {
         let Mapping { joints, clock, position, velocity, torque, notes, layout } = mapping;
         let mut used: Vec<usize> = match clock {
             TimeSource::Rate(_) => vec![],
@@ -183,8 +195,10 @@ impl<'a> LogTable<'a> {
         };
         let arrays = [Some(&position), velocity.as_ref(), torque.as_ref()];
         used.extend(arrays.into_iter().flatten().flatten().map(|source| source.index));
-        let free = (0..columns.len()).filter(|index| !used.contains(index) && !columns[*index].is_empty());
-        let channel = |index| ChannelColumn { index, values: Vec::new(), numeric: false, text: false };
+        let free =
+            (0..columns.len()).filter(|index| !used.contains(index) && !columns[*index].is_empty());
+        let channel =
+            |index| ChannelColumn { index, values: Vec::new(), numeric: false, text: false };
         Self {
             names: Names { path, columns },
             options,
@@ -203,8 +217,8 @@ impl<'a> LogTable<'a> {
         }
     }
 
-    /// Counts a row that is not among those chosen by their numbers. What it holds is nobody's concern: it may be what
-    /// the choice is to leave out.
+    /// Counts a row that is not among those chosen by their numbers. What it holds is nobody's
+    /// concern: it may be what the choice is to leave out.
     pub(super) fn passes_over(&mut self) -> bool {
         self.rows += 1;
         matches!(&self.options.rows, Some(Rows::Numbers(numbers)) if !numbers.contains(&self.rows))
@@ -220,7 +234,10 @@ impl<'a> LogTable<'a> {
         self.time.push(time);
         let names = self.names;
         self.position.take(row, names)?;
-        self.velocity.iter_mut().chain(&mut self.torque).try_for_each(|array| array.take(row, names))?;
+        self.velocity
+            .iter_mut()
+            .chain(&mut self.torque)
+            .try_for_each(|array| array.take(row, names))?;
         self.channels.iter_mut().try_for_each(|channel| channel.take(row, names))?;
         self.require_room()
     }
@@ -231,7 +248,9 @@ impl<'a> LogTable<'a> {
         }
         match self.clock {
             TimeSource::Rate(rate) => Ok(((self.rows - 1) as f64 * 1e9 / rate).round() as i64),
-            TimeSource::Column { index, unit } => self.names.time(row, index, unit.unwrap_or(TimeUnit::Second)),
+            TimeSource::Column { index, unit } => {
+                self.names.time(row, index, unit.unwrap_or(TimeUnit::Second))
+            }
             TimeSource::Stamp { seconds, nanoseconds } => {
                 let whole = self.names.time(row, seconds, TimeUnit::Second)?;
                 Ok(whole.saturating_add(self.names.time(row, nanoseconds, TimeUnit::Nanosecond)?))
@@ -240,7 +259,9 @@ impl<'a> LogTable<'a> {
                 let now = match row.moment(index) {
                     Some(Moment::Instant(now)) => return Ok(now),
                     Some(Moment::TimeOfDay(now)) => now,
-                    None => return Err(self.names.not_a_time(row, index, "dates and times of day")),
+                    None => {
+                        return Err(self.names.not_a_time(row, index, "dates and times of day"));
+                    }
                 };
                 // A clock that goes back by more than half a day has passed midnight.
                 let midnights = midnights + i64::from(before - now > DAY / 2);
@@ -251,14 +272,22 @@ impl<'a> LogTable<'a> {
     }
 
     /// What the first row tells of a time column.
-    fn clock_of(&mut self, row: &impl TableRow, index: usize, unit: Option<TimeUnit>) -> TimeSource {
+    fn clock_of(
+        &mut self,
+        row: &impl TableRow,
+        index: usize,
+        unit: Option<TimeUnit>,
+    ) -> TimeSource {
         if let Some(moment) = row.moment(index) {
             let before = if let Moment::TimeOfDay(now) = moment { now } else { 0 };
             return TimeSource::Calendar { index, midnights: 0, before };
         }
         let likely = unit.unwrap_or_else(|| TimeUnit::likely(row.number(index).unwrap_or(0.0)));
         if unit.is_none() && likely != TimeUnit::Second {
-            self.notes.push(format!("the column `{}` is taken for {likely} since 1970", self.names.columns[index]));
+            self.notes.push(format!(
+                "the column `{}` is taken for {likely} since 1970",
+                self.names.columns[index]
+            ));
         }
         self.layout.time = match unit {
             None => format!("{} in {likely} (assumed)", self.names.columns[index]),
@@ -276,7 +305,9 @@ impl<'a> LogTable<'a> {
             TimeSource::Stamp { seconds, nanoseconds } => {
                 format!("{} in s and {} in ns", name(seconds), name(nanoseconds))
             }
-            TimeSource::Calendar { index, .. } => format!("{} as dates or times of day", name(index)),
+            TimeSource::Calendar { index, .. } => {
+                format!("{} as dates or times of day", name(index))
+            }
         }
     }
 
@@ -310,13 +341,17 @@ impl<'a> LogTable<'a> {
         let layout = Layout { time: self.time_in_words(), ..self.layout.clone() };
         let mut accepted = self.options.accept.clone();
         accepted.extend(stated_by_caller(&self.options.units));
-        let (text, numeric): (Vec<_>, Vec<_>) = self.channels.into_iter().partition(|channel| channel.text);
-        let skipped: Vec<String> = text.iter().map(|channel| self.names.columns[channel.index].clone()).collect();
+        let (text, numeric): (Vec<_>, Vec<_>) =
+            self.channels.into_iter().partition(|channel| channel.text);
+        let skipped: Vec<String> =
+            text.iter().map(|channel| self.names.columns[channel.index].clone()).collect();
         if !skipped.is_empty() {
             self.notes.push(format!("skipped columns of text: {}", quoted(&skipped)));
         }
-        let channel =
-            |column: ChannelColumn| Channel { name: self.names.columns[column.index].clone(), values: column.values };
+        let channel = |column: ChannelColumn| Channel {
+            name: self.names.columns[column.index].clone(),
+            values: column.values,
+        };
         let recording = Recording::new(
             self.names.path,
             self.joints,

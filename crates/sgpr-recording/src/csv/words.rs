@@ -14,8 +14,9 @@ const MEASURED: [&str; 5] = ["actual", "act", "measured", "meas", "msr"];
 const FILLERS: [&str; 10] =
     ["joint", "joints", "j", "axis", "state", "states", "achse", "gelenk", "axe", "articulation"];
 /// Words that are not part of the name of a joint: what they mark is no plain measurement.
-const NOT_A_JOINT: &str = " ref reference des desired d target cmd command commanded commands goal setpoint sp err error \
-                           est estimated ext external raw limit min max temperature model motor soll consigne ";
+const NOT_A_JOINT: &str = " ref reference des desired d target cmd command commanded commands goal \
+     setpoint sp err error est estimated ext external raw limit min max temperature model motor \
+     soll consigne ";
 
 /// A column name cut into words at separators and between letters and digits.
 #[derive(Clone)]
@@ -61,7 +62,9 @@ impl<'a> Words<'a> {
     pub(super) fn find(&self, joint: &str) -> Option<Range<usize>> {
         let joint = Words::of(joint);
         let last_start = self.len().checked_sub(joint.len())?;
-        let is_here = |start: &usize| (0..joint.len()).all(|word| self.text(start + word) == joint.text(word));
+        let is_here = |start: &usize| {
+            (0..joint.len()).all(|word| self.text(start + word) == joint.text(word))
+        };
         let start = (0..=last_start).find(is_here)?;
         (joint.len() > 0).then(|| start..start + joint.len())
     }
@@ -101,10 +104,16 @@ impl<'a> Words<'a> {
                 }
                 let rest = self.without(word..word + 1);
                 // A torque in ampere is a current.
-                let kinds = [Some(quantity), (quantity == Quantity::Torque).then_some(Quantity::Current)];
+                let kinds =
+                    [Some(quantity), (quantity == Quantity::Torque).then_some(Quantity::Current)];
                 for quantity in kinds.into_iter().flatten() {
                     if let Some((place, unit)) = rest.unit(quantity, word) {
-                        readings.push(Reading { quantity, unit: Some(unit), rest: rest.without(place), symbol });
+                        readings.push(Reading {
+                            quantity,
+                            unit: Some(unit),
+                            rest: rest.without(place),
+                            symbol,
+                        });
                     }
                 }
                 readings.push(Reading { quantity, unit: None, rest, symbol });
@@ -113,13 +122,20 @@ impl<'a> Words<'a> {
         readings
     }
 
-    /// A unit of `quantity` at `after`, or behind it at the end, the longest first, with its factor. What stands before
-    /// the quantity is no unit: a joint may be called `turn`.
+    /// A unit of `quantity` at `after`, or behind it at the end, the longest first, with its
+    /// factor. What stands before the quantity is no unit: a joint may be called `turn`.
     fn unit(&self, quantity: Quantity, after: usize) -> Option<(Range<usize>, StatedUnit)> {
-        let at_end = [2, 1].into_iter().filter_map(|length| Some(self.len().checked_sub(length)?..self.len()));
+        let at_end = [2, 1]
+            .into_iter()
+            .filter_map(|length| Some(self.len().checked_sub(length)?..self.len()));
         let at_end = at_end.filter(|place| place.start >= after);
-        let behind = [2, 1].map(|length| after..after + length).into_iter().filter(|place| place.end <= self.len());
-        at_end.chain(behind).find_map(|place| self.spelled_unit(quantity, &place).map(|unit| (place, unit)))
+        let behind = [2, 1]
+            .map(|length| after..after + length)
+            .into_iter()
+            .filter(|place| place.end <= self.len());
+        at_end
+            .chain(behind)
+            .find_map(|place| self.spelled_unit(quantity, &place).map(|unit| (place, unit)))
     }
 
     /// The unit that the words at `place` spell.
@@ -130,18 +146,26 @@ impl<'a> Words<'a> {
 
     /// The unit in which the name ends, behind words that are not understood.
     pub(super) fn unit_at_end(&self, quantity: Quantity) -> Option<StatedUnit> {
-        let places = [2, 1].into_iter().filter_map(|length| Some(self.len().checked_sub(length)?..self.len()));
-        let may_be_a_unit =
-            |place: &Range<usize>| place.start > 0 && !NAMES_OF_JOINTS.contains(&self.lower[place.start].as_str());
+        let places = [2, 1]
+            .into_iter()
+            .filter_map(|length| Some(self.len().checked_sub(length)?..self.len()));
+        let may_be_a_unit = |place: &Range<usize>| {
+            place.start > 0 && !NAMES_OF_JOINTS.contains(&self.lower[place.start].as_str())
+        };
         places.filter(may_be_a_unit).find_map(|place| self.spelled_unit(quantity, &place))
     }
 
     /// Whether there are only words that say nothing of a unit: what is measured, and numbers.
     pub(super) fn says_nothing(&self) -> bool {
         let is_number = |word: &str| word.chars().all(|letter| letter.is_ascii_digit());
-        let is_quantity = |word: &str| Quantity::ALL.iter().any(|quantity| quantity.words().contains(&word));
-        let means_nothing =
-            |word: &&str| FILLERS.contains(word) || MEASURED.contains(word) || is_number(word) || is_quantity(word);
+        let is_quantity =
+            |word: &str| Quantity::ALL.iter().any(|quantity| quantity.words().contains(&word));
+        let means_nothing = |word: &&str| {
+            FILLERS.contains(word)
+                || MEASURED.contains(word)
+                || is_number(word)
+                || is_quantity(word)
+        };
         self.lower().iter().all(means_nothing)
     }
 
@@ -155,7 +179,9 @@ impl<'a> Words<'a> {
         let number = |word: usize| self.lower[word].parse::<u32>().ok();
         match (0..self.len()).find_map(|word| Some((word, number(word)?))) {
             None => self.is_filler().then_some(Label::Unnamed),
-            Some((word, number)) => self.without(word..word + 1).is_filler().then_some(Label::Number(number)),
+            Some((word, number)) => {
+                self.without(word..word + 1).is_filler().then_some(Label::Number(number))
+            }
         }
     }
 
@@ -163,14 +189,18 @@ impl<'a> Words<'a> {
     fn joint_name(&self) -> Option<Label> {
         let lower = self.lower();
         let from = if lower.starts_with(&["joint", "states"]) { 2 } else { 0 };
-        let words: Vec<usize> = (from..self.len()).filter(|&word| !MEASURED.contains(&lower[word])).collect();
+        let words: Vec<usize> =
+            (from..self.len()).filter(|&word| !MEASURED.contains(&lower[word])).collect();
         let (first, last) = (*words.first()?, *words.last()?);
         let name = &self.name[self.places[first].start..self.places[last].end];
         let in_a_row = Words::of(name).len() == words.len();
         let is_quantity = |word: &str| {
-            Quantity::ALL.iter().any(|quantity| quantity.words().contains(&word) || quantity.symbols().contains(&word))
+            Quantity::ALL.iter().any(|quantity| {
+                quantity.words().contains(&word) || quantity.symbols().contains(&word)
+            })
         };
-        let speaks_against = |word: &str| is_quantity(word) || NOT_A_JOINT.contains(&format!(" {word} "));
+        let speaks_against =
+            |word: &str| is_quantity(word) || NOT_A_JOINT.contains(&format!(" {word} "));
         let is_name = in_a_row && !words.iter().any(|&word| speaks_against(lower[word]));
         is_name.then(|| Label::Name(name.into()))
     }

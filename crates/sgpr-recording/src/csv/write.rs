@@ -6,11 +6,12 @@ use flate2::write::GzEncoder;
 
 use crate::{Recording, RecordingError, write_file};
 
-/// Writes a recording as a table, packed if `path` ends in `.gz`. An existing file is replaced only by the whole new one.
+/// Writes a recording as a table, packed if `path` ends in `.gz`. An existing file is replaced only
+/// by the whole new one.
 ///
-/// Columns: `t_s` (s, with all nanoseconds), `NAME_position`, `NAME_velocity`, `NAME_torque` for each joint in SI units,
-/// then the channels. [`read`](super::read()) with the same joints gives the recording back; channels keep their meaning
-/// if their names do not look like joints.
+/// Columns: `t_s` (s, with all nanoseconds), `NAME_position`, `NAME_velocity`, `NAME_torque` for
+/// each joint in SI units, then the channels. [`read`](super::read()) with the same joints gives
+/// the recording back; channels keep their meaning if their names do not look like joints.
 ///
 /// # Errors
 /// If the file cannot be written.
@@ -29,11 +30,14 @@ pub fn write(path: impl AsRef<Path>, recording: &Recording) -> Result<(), Record
 
 fn write_rows(file: impl Write, recording: &Recording) -> io::Result<()> {
     let mut table = csv::Writer::from_writer(file);
-    let arrays: Vec<(&str, &[f64])> =
-        [("position", Some(recording.position())), ("velocity", recording.velocity()), ("torque", recording.torque())]
-            .into_iter()
-            .filter_map(|(name, values)| Some((name, values?)))
-            .collect();
+    let arrays: Vec<(&str, &[f64])> = [
+        ("position", Some(recording.position())),
+        ("velocity", recording.velocity()),
+        ("torque", recording.torque()),
+    ]
+    .into_iter()
+    .filter_map(|(name, values)| Some((name, values?)))
+    .collect();
 
     table.write_field("t_s")?;
     for (quantity, _) in &arrays {

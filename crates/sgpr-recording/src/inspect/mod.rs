@@ -114,10 +114,16 @@ impl IssueKind {
         (Self::TorqueScale, "torque_scale"),
     ];
 
-    /// Findings that an owner of a log can know to be right: units, orders and sizes that are only unlikely. What breaks
-    /// the computation, such as values that are not finite, is not among them.
-    pub const CONFIRMABLE: &'static [Self] =
-        &[Self::JointsByOrder, Self::StraySample, Self::PositionInDegrees, Self::UnlikelyRate, Self::TorqueScale];
+    /// Findings that an owner of a log can know to be right: units, orders and sizes that are only
+    /// unlikely. What breaks the computation, such as values that are not finite, is not among
+    /// them.
+    pub const CONFIRMABLE: &'static [Self] = &[
+        Self::JointsByOrder,
+        Self::StraySample,
+        Self::PositionInDegrees,
+        Self::UnlikelyRate,
+        Self::TorqueScale,
+    ];
 
     /// Its name in files and Python: `position_in_degrees`.
     pub fn name(self) -> &'static str {
@@ -146,7 +152,8 @@ pub enum Severity {
     Note,
     /// Results may suffer.
     Warning,
-    /// Nothing is computed before it is repaired, or confirmed if it is one of [`IssueKind::CONFIRMABLE`].
+    /// Nothing is computed before it is repaired, or confirmed if it is one of
+    /// [`IssueKind::CONFIRMABLE`].
     Error,
 }
 
@@ -165,23 +172,29 @@ impl Severity {
 ///
 /// The rules, where they need numbers:
 /// - a gap is a step longer than [`GAP_FACTOR`](super::GAP_FACTOR) median steps;
-/// - sampling is irregular if more than 1 % of the steps are off the median by more than 10 %, and too irregular to be
-///   differentiated if the steps of a stretch between gaps are off its median by more than 2 % (root mean square);
-/// - the unit of the time is in doubt below 10 µs and above 0.5 s from sample to sample, and above 0.05 s if no joint is
-///   faster than 0.01 rad/s (m/s);
+/// - sampling is irregular if more than 1 % of the steps are off the median by more than 10 %, and
+///   too irregular to be differentiated if the steps of a stretch between gaps are off its median
+///   by more than 2 % (root mean square);
+/// - the unit of the time is in doubt below 10 µs and above 0.5 s from sample to sample, and above
+///   0.05 s if no joint is faster than 0.01 rad/s (m/s);
 /// - positions are degrees if half of the moving joints look so;
 /// - samples that repeat the one before are errors if they are most of the log;
-/// - a torque is frozen if it keeps one value for half a second, in which its joint moves by a tenth of its range;
-/// - numbers overflow if they jump across nine tenths of a range of 62,000 to 65,536 of their smallest steps;
+/// - a torque is frozen if it keeps one value for half a second, in which its joint moves by a
+///   tenth of its range;
+/// - numbers overflow if they jump across nine tenths of a range of 62,000 to 65,536 of their
+///   smallest steps;
 /// - a joint stands still if it moves less than 0.002 rad (m);
-/// - a position jumps if it changes by more than 0.5 rad (m), at more than 50 rad/s (m/s) and by more than ten times what
-///   nine of ten samples change by; jumps by a turn alone, give or take what a joint moves in one step, are errors;
-/// - a sample strays if it is five times as far from those before and after it as any other, for 10 ms or one sample and at
-///   most three: a position by more than twice its mean change from sample to sample, a velocity or torque by more
-///   than all others range over;
-/// - velocity and position are compared over stretches of at least ten samples and 0.1 s: the change of the position
-///   against the integral of the velocity, which tells units and sign apart from noise;
-/// - the lag of the velocity is where its cross-correlation with the derivative of the position is largest.
+/// - a position jumps if it changes by more than 0.5 rad (m), at more than 50 rad/s (m/s) and by
+///   more than ten times what nine of ten samples change by; jumps by a turn alone, give or take
+///   what a joint moves in one step, are errors;
+/// - a sample strays if it is five times as far from those before and after it as any other, for 10
+///   ms or one sample and at most three: a position by more than twice its mean change from sample
+///   to sample, a velocity or torque by more than all others range over;
+/// - velocity and position are compared over stretches of at least ten samples and 0.1 s: the
+///   change of the position against the integral of the velocity, which tells units and sign apart
+///   from noise;
+/// - the lag of the velocity is where its cross-correlation with the derivative of the position is
+///   largest.
 ///
 /// # Examples
 /// ```no_run
@@ -202,8 +215,8 @@ pub fn inspect(recording: &Recording) -> Vec<Issue> {
     sorted(recording, issues)
 }
 
-/// What nothing is computed with before somebody repairs, states or confirms it: the errors of [`inspect`], without the
-/// work for the rest.
+/// What nothing is computed with before somebody repairs, states or confirms it: the errors of
+/// [`inspect`], without the work for the rest.
 pub fn refusals(recording: &Recording) -> Vec<Issue> {
     let mut issues = time::issues(recording);
     issues.extend(values::errors(recording));
@@ -234,7 +247,9 @@ fn percent(part: usize, whole: usize) -> String {
 
 /// Four digits, for messages.
 fn rounded(value: f64) -> String {
-    format!("{value:.3e}").parse::<f64>().map_or_else(|_| value.to_string(), |value| value.to_string())
+    format!("{value:.3e}")
+        .parse::<f64>()
+        .map_or_else(|_| value.to_string(), |value| value.to_string())
 }
 
 /// A length of time, for messages: milliseconds below a second.

@@ -17,7 +17,8 @@ const STRETCH_SAMPLES: usize = 10;
 const ENOUGH_MOTION: f64 = 0.02;
 /// No arm joint turns further than this between its limits, rad.
 const WIDEST_RANGE: f64 = 4.0 * std::f64::consts::PI;
-/// Least change from one sample to the next that is a jump, and most that a jump by a turn differs from one, rad (m).
+/// Least change from one sample to the next that is a jump, and most that a jump by a turn differs
+/// from one, rad (m).
 const JUMP: f64 = 0.5;
 /// Few arm joints are faster, rad/s (m/s).
 const FAST: f64 = 10.0;
@@ -38,9 +39,11 @@ pub(super) fn issues(recording: &Recording, is_time_right: bool) -> Vec<Issue> {
     let mut issues = all_degrees(&clean, &ratios);
     let suspected: Vec<Option<String>> = issues.iter().map(|issue| issue.channel.clone()).collect();
     if is_time_right {
-        let mismatches = (0..clean.dof()).filter_map(|joint| mismatch(&clean, joint, ratios[joint]?));
+        let mismatches =
+            (0..clean.dof()).filter_map(|joint| mismatch(&clean, joint, ratios[joint]?));
         issues.extend(mismatches.filter(|issue| {
-            let position = issue.channel.as_ref().map(|name| name.replace("_velocity", "_position"));
+            let position =
+                issue.channel.as_ref().map(|name| name.replace("_velocity", "_position"));
             !suspected.contains(&position)
         }));
         issues.extend(lag(&clean, &ratios));
@@ -70,13 +73,18 @@ pub(super) fn wrapped_positions(clean: &Recording) -> Vec<Issue> {
 /// An error where half of the moving joints look so, else a warning.
 fn all_degrees(clean: &Recording, ratios: &[Option<PositionCheck>]) -> Vec<Issue> {
     let ranges = statistics::ranges(clean.position(), clean.dof());
-    let of_joint = |(joint, range): (usize, &Option<[f64; 2]>)| Some(Range::of_joint(clean, joint, (*range)?));
+    let of_joint =
+        |(joint, range): (usize, &Option<[f64; 2]>)| Some(Range::of_joint(clean, joint, (*range)?));
     let joints: Vec<Range> = ranges.iter().enumerate().filter_map(of_joint).collect();
     let usual = joints.iter().map(|range| range.usual);
-    let finest = |comparison: &Option<PositionCheck>| comparison.is_some_and(|comparison| comparison.is_near(1e3));
+    let finest = |comparison: &Option<PositionCheck>| {
+        comparison.is_some_and(|comparison| comparison.is_near(1e3))
+    };
     let suspected = Suspected::of_ranges(usual, ratios.iter().any(finest));
-    let mut issues: Vec<Issue> =
-        joints.iter().filter_map(|range| not_radians(clean, range, ratios[range.joint], suspected)).collect();
+    let mut issues: Vec<Issue> = joints
+        .iter()
+        .filter_map(|range| not_radians(clean, range, ratios[range.joint], suspected))
+        .collect();
     let moving = ranges.iter().filter(|range| !range.is_some_and(is_still_range)).count();
     let (some, most) = (issues.len() < moving, 2 * issues.len() >= moving);
     for issue in &mut issues {
@@ -84,8 +92,8 @@ fn all_degrees(clean: &Recording, ratios: &[Option<PositionCheck>]) -> Vec<Issue
             issue.severity = Severity::Error;
         }
         if some {
-            issue.message += "; other joints do not look so: a unit of some joints alone stands in the names of their columns, \
-                              such as q_1 [deg]";
+            issue.message += "; other joints do not look so: a unit of some joints alone stands in \
+                 the names of their columns, such as q_1 [deg]";
         }
     }
     issues
@@ -94,7 +102,11 @@ fn all_degrees(clean: &Recording, ratios: &[Option<PositionCheck>]) -> Vec<Issue
 /// The samples whose stamp is later than all before and whose values are finite.
 pub(super) fn without_faults(recording: &Recording) -> Recording {
     let runs_forward = recording.time().windows(2).all(|pair| pair[1] > pair[0]);
-    if runs_forward && recording.arrays().all(|(_, values)| first_place(values, |value| !value.is_finite()).is_none()) {
+    if runs_forward
+        && recording
+            .arrays()
+            .all(|(_, values)| first_place(values, |value| !value.is_finite()).is_none())
+    {
         return recording.clone();
     }
     let mut latest = i64::MIN;
@@ -116,20 +128,22 @@ fn jumps(recording: &Recording, joint: usize) -> Option<Issue> {
     let changes: Vec<f64> = q.windows(2).map(|pair| (pair[1] - pair[0]).abs()).collect();
     let steps = recording.steps();
     let usual = usual_change(&changes);
-    let found: Vec<usize> =
-        (0..changes.len()).filter(|&k| changes[k] > JUMP.max(JUMP_SPEED * steps[k]).max(JUMP_FACTOR * usual)).collect();
+    let found: Vec<usize> = (0..changes.len())
+        .filter(|&k| changes[k] > JUMP.max(JUMP_SPEED * steps[k]).max(JUMP_FACTOR * usual))
+        .collect();
     let first = *found.first()?;
     let name = format!("{}_position", recording.joint_names()[joint]);
     let (often, at) = (counted(found.len(), "time"), recording.time_seconds()[first + 1]);
     let (severity, message) = if found.iter().all(|&k| is_turn(changes[k], steps[k], usual)) {
         let message = format!(
-            "`{name}` jumps by a full turn {often}, first {at:.3} s after the start: unwrap it (repair: unwrap)"
+            "`{name}` jumps by a full turn {often}, first {at:.3} s after the start: unwrap it \
+             (repair: unwrap)"
         );
         (Severity::Error, message)
     } else {
         let message = format!(
-            "`{name}` jumps {often}, first by {:.3} rad (m) within {} {at:.3} s after the start: leave out that time \
-             (repair: trim), or the samples that no joint can have",
+            "`{name}` jumps {often}, first by {:.3} rad (m) within {} {at:.3} s after the start: \
+             leave out that time (repair: trim), or the samples that no joint can have",
             changes[first],
             duration(steps[first]),
         );
@@ -182,15 +196,18 @@ impl PositionCheck {
             integral.push(integral[k - 1] + 0.5 * (v[k] + v[k - 1]) * (time[k] - time[k - 1]));
         }
         let starts = (0..q.len().saturating_sub(length)).step_by(length.div_ceil(2));
-        let whole = starts.filter(|&k| time[k + length] - time[k] < GAP_FACTOR * length as f64 * period);
+        let whole =
+            starts.filter(|&k| time[k + length] - time[k] < GAP_FACTOR * length as f64 * period);
         let (moved, integrated): (Vec<f64>, Vec<f64>) =
             whole.map(|k| (q[k + length] - q[k], integral[k + length] - integral[k])).unzip();
         let products: f64 = moved.iter().zip(&integrated).map(|(a, b)| a * b).sum();
         let (moved_size, integrated_size) = (rms(&moved), rms(&integrated));
         let correlation = products / (moved.len() as f64 * moved_size * integrated_size);
         let ratio = (moved_size / integrated_size).copysign(correlation);
-        (moved.len() >= 5)
-            .then_some(Self { ratio, correlation: if correlation.is_finite() { correlation } else { 0.0 } })
+        (moved.len() >= 5).then_some(Self {
+            ratio,
+            correlation: if correlation.is_finite() { correlation } else { 0.0 },
+        })
     }
 
     fn is_near(self, ratio: f64) -> bool {
@@ -211,7 +228,8 @@ impl Range {
         // Which part of a range that any joint has is the usual one does not matter.
         let usual = match high - low > WIDEST_RANGE {
             true => {
-                let mut q: Vec<f64> = column(recording.position(), recording.dof(), joint).collect();
+                let mut q: Vec<f64> =
+                    column(recording.position(), recording.dof(), joint).collect();
                 statistics::quantile(&mut q, 0.99) - statistics::quantile(&mut q, 0.01)
             }
             false => high - low,
@@ -220,7 +238,8 @@ impl Range {
     }
 }
 
-/// The unit of positions that are no radians: that in which the joint that moves most turns no further than joints can.
+/// The unit of positions that are no radians: that in which the joint that moves most turns no
+/// further than joints can.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Suspected {
     Degrees,
@@ -230,7 +249,8 @@ enum Suspected {
 
 impl Suspected {
     /// - `ranges`: of the joints, in the unit of the log
-    /// - `is_thousandfold`: whether a position changes a thousand times as fast as its velocity says
+    /// - `is_thousandfold`: whether a position changes a thousand times as fast as its velocity
+    ///   says
     fn of_ranges(ranges: impl Iterator<Item = f64>, is_thousandfold: bool) -> Self {
         match ranges.fold(0.0, f64::max) {
             range if range > 1e3 * WIDEST_RANGE => Self::Counts,
@@ -243,15 +263,16 @@ impl Suspected {
     fn remedy(self) -> &'static str {
         match self {
             Self::Degrees => {
-                "it looks like degrees; give the unit of the position with `units.position` (deg, mm of a slide, or rad if that \
-                 is right)"
+                "it looks like degrees; give the unit of the position with `units.position` (deg, \
+                 mm of a slide, or rad if that is right)"
             }
             Self::Milliradians => {
-                "it looks like milliradians; give the unit of the position with `units.position` (mrad, or rad if that is right)"
+                "it looks like milliradians; give the unit of the position with `units.position` \
+                 (mrad, or rad if that is right)"
             }
             Self::Counts => {
-                "it looks like counts of an encoder; write the position in rad or deg to the log, or give its unit with \
-                 `units.position` (rad if that is right)"
+                "it looks like counts of an encoder; write the position in rad or deg to the log, \
+                 or give its unit with `units.position` (rad if that is right)"
             }
         }
     }
@@ -269,7 +290,11 @@ fn not_radians(
             format!("changes {:.1} times as fast as the velocity says", comparison.ratio.abs())
         }
         _ if range.usual > WIDEST_RANGE => {
-            format!("has a range of {:.1}, {:.1} turns if it were rad", range.whole, range.whole / TAU)
+            format!(
+                "has a range of {:.1}, {:.1} turns if it were rad",
+                range.whole,
+                range.whole / TAU
+            )
         }
         _ => return None,
     };
@@ -277,7 +302,10 @@ fn not_radians(
         kind: IssueKind::PositionInDegrees,
         severity: Severity::Warning,
         time: None,
-        message: format!("`{name}` {reason}: {}, or confirm it (accept: position_in_degrees)", suspected.remedy()),
+        message: format!(
+            "`{name}` {reason}: {}, or confirm it (accept: position_in_degrees)",
+            suspected.remedy()
+        ),
         channel: Some(name),
         count: 1,
     })
@@ -297,14 +325,19 @@ fn mismatch(recording: &Recording, joint: usize, comparison: PositionCheck) -> O
     let PositionCheck { ratio, correlation } = comparison;
     let known = KNOWN_RATIOS.iter().find(|(known, _)| comparison.is_near(*known));
     let finding = if correlation.abs() < 0.8 {
-        let text = "is not the derivative of the position (correlation {}): check which columns belong together";
+        let text = "is not the derivative of the position (correlation {}): check which columns \
+             belong together";
         text.replace("{}", &format!("{correlation:.2}"))
     } else if let Some((_, unit)) = known {
         format!("does not fit the position, which changes {:.4} times as fast: {unit}", ratio.abs())
     } else if correlation < 0.0 {
-        "has the opposite sign of the change of the position: check the direction of the joint".into()
+        "has the opposite sign of the change of the position: check the direction of the joint"
+            .into()
     } else if (ratio - 1.0).abs() > 0.1 {
-        format!("does not fit the position, which changes {ratio:.3} times as fast: check units and gear ratio")
+        format!(
+            "does not fit the position, which changes {ratio:.3} times as fast: check units and \
+             gear ratio"
+        )
     } else {
         return None;
     };
@@ -320,7 +353,8 @@ fn mismatch(recording: &Recording, joint: usize, comparison: PositionCheck) -> O
 }
 
 fn lag(recording: &Recording, comparisons: &[Option<PositionCheck>]) -> Option<Issue> {
-    let judged = |joint: &usize| comparisons[*joint].is_some_and(|comparison| comparison.correlation > 0.8);
+    let judged =
+        |joint: &usize| comparisons[*joint].is_some_and(|comparison| comparison.correlation > 0.8);
     let joints: Vec<usize> = (0..recording.dof()).filter(judged).collect();
     let period = recording.median_period();
     let nanoseconds = (period * 1e9).round() as u64;
@@ -342,7 +376,8 @@ fn lag(recording: &Recording, comparisons: &[Option<PositionCheck>]) -> Option<I
         channel: None,
         count: joints.len(),
         message: format!(
-            "the velocity is {} {direction} against the derivative of the position (correlation {peak:.3}): take velocities from the filtered positions",
+            "the velocity is {} {direction} against the derivative of the position (correlation \
+             {peak:.3}): take velocities from the filtered positions",
             duration(lag.abs()),
         ),
     })
@@ -356,8 +391,8 @@ struct Correlation {
 }
 
 impl Correlation {
-    /// The peak of the mean over `joints` of the cross-correlation, between samples by a parabola. The recording has
-    /// equal steps.
+    /// The peak of the mean over `joints` of the cross-correlation, between samples by a parabola.
+    /// The recording has equal steps.
     fn largest(even: &Recording, joints: &[usize]) -> Option<Self> {
         let (n, velocity, period) = (even.dof(), even.velocity()?, even.median_period());
         let reach = ((LARGEST_LAG / period).ceil() as usize).clamp(3, 100);
@@ -368,7 +403,8 @@ impl Correlation {
         for &joint in joints {
             let q: Vec<f64> = column(even.position(), n, joint).collect();
             let v: Vec<f64> = column(velocity, n, joint).skip(1).collect();
-            let derivative: Vec<f64> = q.windows(3).map(|q| (q[2] - q[0]) / (2.0 * period)).collect();
+            let derivative: Vec<f64> =
+                q.windows(3).map(|q| (q[2] - q[0]) / (2.0 * period)).collect();
             for (shift, sum) in mean.iter_mut().enumerate() {
                 *sum += correlation(&derivative, &v, shift, reach) / joints.len() as f64;
             }

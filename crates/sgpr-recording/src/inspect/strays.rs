@@ -16,7 +16,8 @@ const MOST_SHARE: f64 = 0.01;
 const MOST: usize = 100;
 /// A sample that strays is this many times as far from those around it as any that does not.
 const APART: f64 = 5.0;
-/// A position that strays does so by more than this many times its mean change from sample to sample.
+/// A position that strays does so by more than this many times its mean change from sample to
+/// sample.
 const STEPS: f64 = 2.0;
 
 /// The samples of a quantity of one joint that stray.
@@ -34,7 +35,8 @@ pub(crate) fn stray_samples(recording: &Recording) -> Vec<usize> {
 }
 
 fn samples_of(strays: &[Strays]) -> Vec<usize> {
-    let mut samples: Vec<usize> = strays.iter().flat_map(|strays| strays.samples.iter().copied()).collect();
+    let mut samples: Vec<usize> =
+        strays.iter().flat_map(|strays| strays.samples.iter().copied()).collect();
     samples.sort_unstable();
     samples.dedup();
     samples
@@ -69,8 +71,9 @@ fn issues(clean: &Recording, strays: &[Strays]) -> Vec<Issue> {
             severity: if strays.array == "velocity" { Severity::Warning } else { Severity::Error },
             time: Some(at),
             message: format!(
-                "`{name}` strays in {}, first {at:.3} s after the start, {:.4} {unit} from what is before and after it: \
-                 replace such samples (repair: replace_strays), or confirm them (accept: stray_sample)",
+                "`{name}` strays in {}, first {at:.3} s after the start, {:.4} {unit} from what is \
+                 before and after it: replace such samples (repair: replace_strays), or confirm \
+                 them (accept: stray_sample)",
                 counted(count, "sample"),
                 strays.distance,
             ),
@@ -87,7 +90,8 @@ fn strays(recording: &Recording) -> Vec<Strays> {
     let of_array = |(array, values): (&'static str, &[f64])| -> Vec<Strays> {
         let of_joint = |joint: usize| {
             let own: Vec<f64> = column(values, n, joint).collect();
-            let (samples, distance) = StrayColumn { own: &own, is_position: array == "position", in_a_row }.strays()?;
+            let (samples, distance) =
+                StrayColumn { own: &own, is_position: array == "position", in_a_row }.strays()?;
             Some(Strays { joint, array, samples, distance })
         };
         (0..n).into_par_iter().filter_map(of_joint).collect()
@@ -105,7 +109,8 @@ struct StrayColumn<'a> {
 impl StrayColumn<'_> {
     /// Those that stray, and the distance of the first one.
     fn strays(&self) -> Option<(Vec<usize>, f64)> {
-        // Of most logs this is all: what goes away and comes back bends by no less than a quarter of the way.
+        // Of most logs this is all: what goes away and comes back bends by no less than a quarter
+        // of the way.
         let bend = |of: &[f64]| (of[0] - 2.0 * of[1] + of[2]).abs();
         if self.own.windows(3).map(bend).fold(0.0, f64::max) < self.least(self.own) / 4.0 {
             return None;
@@ -121,14 +126,16 @@ impl StrayColumn<'_> {
         Some((strays.iter().map(|(sample, _)| *sample).collect(), strays[0].1))
     }
 
-    /// The samples that are farthest from those around them, each with its distance, down to the first that is too near: one
-    /// after the other, without those before, which would make others beside them look far.
+    /// The samples that are farthest from those around them, each with its distance, down to the
+    /// first that is too near: one after the other, without those before, which would make others
+    /// beside them look far.
     fn farthest(&self, count: usize) -> Vec<(usize, f64)> {
         let mut values = self.own.to_vec();
         let mut places = self.places();
         let mut found = Vec::new();
         while found.len() < count {
-            let sample = (0..places.len()).max_by(|a, b| places[*a].distance.total_cmp(&places[*b].distance));
+            let sample = (0..places.len())
+                .max_by(|a, b| places[*a].distance.total_cmp(&places[*b].distance));
             let Some(sample) = sample else { break };
             let distance = places[sample].distance;
             found.push((sample, distance));
@@ -137,7 +144,8 @@ impl StrayColumn<'_> {
                 break;
             }
             let reach = self.in_a_row + 1;
-            for near in sample.saturating_sub(2 * reach)..(sample + 2 * reach + 1).min(values.len()) {
+            for near in sample.saturating_sub(2 * reach)..(sample + 2 * reach + 1).min(values.len())
+            {
                 places[near] = self.place(&values, near);
             }
             places[sample].distance = 0.0;
@@ -163,10 +171,12 @@ impl StrayColumn<'_> {
         sorted.sort_unstable();
         let in_a_row = sorted.chunk_by(|a, b| a + 1 == *b).map(<[usize]>::len).max().unwrap_or(0);
         let is_stray = |sample: usize| sorted.binary_search(&sample).is_ok();
-        let others: Vec<f64> = (0..self.own.len()).filter(|k| !is_stray(*k)).map(|k| self.own[k]).collect();
+        let others: Vec<f64> =
+            (0..self.own.len()).filter(|k| !is_stray(*k)).map(|k| self.own[k]).collect();
         let least = self.least(&others);
-        let strays_all =
-            strays.iter().all(|(_, distance)| *distance > least && !(self.is_position && is_near_a_turn(*distance)));
+        let strays_all = strays.iter().all(|(_, distance)| {
+            *distance > least && !(self.is_position && is_near_a_turn(*distance))
+        });
         in_a_row <= self.in_a_row && least > 0.0 && strays_all
     }
 
@@ -191,7 +201,10 @@ impl StrayColumn<'_> {
         }
         if sample + reach > last {
             let others = &values[last + 1 - count..=(last - self.in_a_row).min(sample - 1)];
-            return SampleDistance { usual: others[others.len() - 1], distance: beyond(own, others) };
+            return SampleDistance {
+                usual: others[others.len() - 1],
+                distance: beyond(own, others),
+            };
         }
         let mut window = [0.0; 2 * (MOST_IN_A_ROW + 1) + 1];
         let window = &mut window[..count];

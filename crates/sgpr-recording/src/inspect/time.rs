@@ -6,17 +6,21 @@ use crate::{Recording, seconds};
 
 /// A step of the time longer than this many median steps is a gap.
 pub const GAP_FACTOR: f64 = 5.0;
-/// Periods outside this range, s, are more likely a wrong unit than a log of an arm: no drive reports more often, and a
-/// motion that shows inertia is over in the time of the few samples that are left.
+/// Periods outside this range, s, are more likely a wrong unit than a log of an arm: no drive
+/// reports more often, and a motion that shows inertia is over in the time of the few samples that
+/// are left.
 const LIKELY_PERIOD: [f64; 2] = [1e-5, 0.5];
 /// From this period on, s, ...
 const SLOW_PERIOD: f64 = 0.05;
-/// ... an arm in which no joint is faster, rad/s (m/s), is more likely one whose time is in milliseconds.
+/// ... an arm in which no joint is faster, rad/s (m/s), is more likely one whose time is in
+/// milliseconds.
 const SLOW_MOTION: f64 = 0.01;
-/// Steps of a stretch may deviate from their median by this share of it (root mean square) before differences become wrong.
+/// Steps of a stretch may deviate from their median by this share of it (root mean square) before
+/// differences become wrong.
 pub const MOST_JITTER: f64 = 0.02;
 
-/// Median of steps, and their root mean square deviation from it as a share of it; `None` without steps.
+/// Median of steps, and their root mean square deviation from it as a share of it; `None` without
+/// steps.
 pub fn jitter(steps: &[i64]) -> Option<(i64, f64)> {
     if steps.is_empty() {
         return None;
@@ -32,7 +36,8 @@ pub(super) fn issues(recording: &Recording) -> Vec<Issue> {
     if let Some(coarse) = log.coarse() {
         return log.backwards().into_iter().chain([coarse]).collect();
     }
-    let issues = [log.backwards(), log.duplicates(), log.gaps(), log.irregular(), log.unlikely_rate()];
+    let issues =
+        [log.backwards(), log.duplicates(), log.gaps(), log.irregular(), log.unlikely_rate()];
     issues.into_iter().flatten().collect()
 }
 
@@ -48,7 +53,8 @@ struct Log<'a> {
     moves_at_once: usize,
 }
 
-/// Of the joints' speeds from sample to sample, those that nine of ten do not exceed, the largest one.
+/// Of the joints' speeds from sample to sample, those that nine of ten do not exceed, the largest
+/// one.
 fn fastest(recording: &Recording) -> f64 {
     let n = recording.dof();
     let steps = recording.steps();
@@ -63,7 +69,8 @@ fn fastest(recording: &Recording) -> f64 {
 
 impl<'a> Log<'a> {
     fn new(recording: &'a Recording) -> Self {
-        let nanoseconds = recording.time().windows(2).map(|pair| pair[1].saturating_sub(pair[0])).collect();
+        let nanoseconds =
+            recording.time().windows(2).map(|pair| pair[1].saturating_sub(pair[0])).collect();
         let n = recording.dof();
         let position = |sample: usize| &recording.position()[sample * n..(sample + 1) * n];
         let steps = recording.steps();
@@ -75,7 +82,13 @@ impl<'a> Log<'a> {
     }
 
     /// An issue of the steps `found`, unless there are none.
-    fn issue(&self, kind: IssueKind, severity: Severity, found: &[usize], message: String) -> Option<Issue> {
+    fn issue(
+        &self,
+        kind: IssueKind,
+        severity: Severity,
+        found: &[usize],
+        message: String,
+    ) -> Option<Issue> {
         let first = *found.first()?;
         let time = self.recording.time();
         let at = seconds(time[0], time[first + 1]);
@@ -90,7 +103,8 @@ impl<'a> Log<'a> {
         let found = self.where_step(|step| step < 0.0);
         let first = *found.first()?;
         let message = format!(
-            "the time runs backwards {}, first by {} at sample {}: sort the samples (repair: sort), or if it was restarted there, read its parts one by one (`rows`)",
+            "the time runs backwards {}, first by {} at sample {}: sort the samples (repair: \
+             sort), or if it was restarted there, read its parts one by one (`rows`)",
             counted(found.len(), "time"),
             duration(-self.steps[first]),
             first + 1,
@@ -101,22 +115,27 @@ impl<'a> Log<'a> {
     fn duplicates(&self) -> Option<Issue> {
         let found = self.where_step(|step| step == 0.0);
         let message = format!(
-            "{} {} the stamp of the one before: drop the duplicates (repair: drop_duplicates), or check the resolution of the time",
+            "{} {} the stamp of the one before: drop the duplicates (repair: drop_duplicates), or \
+             check the resolution of the time",
             counted(found.len(), "sample"),
             if found.len() == 1 { "has" } else { "have" },
         );
         self.issue(IssueKind::DuplicateStamps, Severity::Error, &found, message)
     }
 
-    /// Most samples move on under the stamp of the one before: what the steps say is about the clock, not about the samples.
+    /// Most samples move on under the stamp of the one before: what the steps say is about the
+    /// clock, not about the samples.
     fn coarse(&self) -> Option<Issue> {
         if 2 * self.moves_at_once <= self.steps.len() {
             return None;
         }
         let found = self.where_step(|step| step == 0.0);
-        let resolution = self.usual.map_or_else(String::new, |period| format!(" of {}", duration(period)));
+        let resolution =
+            self.usual.map_or_else(String::new, |period| format!(" of {}", duration(period)));
         let message = format!(
-            "{} have the stamp of the one before: the time has a resolution{resolution}, which is coarser than the samples; if they came at a constant rate, give it with `sample_rate_hz`, or take another column for the time with `columns.time`",
+            "{} have the stamp of the one before: the time has a resolution{resolution}, which is \
+             coarser than the samples; if they came at a constant rate, give it with \
+             `sample_rate_hz`, or take another column for the time with `columns.time`",
             counted(found.len(), "sample"),
         );
         self.issue(IssueKind::DuplicateStamps, Severity::Error, &found, message)
@@ -127,7 +146,9 @@ impl<'a> Log<'a> {
         let found = self.where_step(|step| step > GAP_FACTOR * usual);
         let longest = found.iter().map(|&index| self.steps[index]).fold(0.0, f64::max);
         let message = format!(
-            "{}, the longest of {} (a gap is a step longer than {GAP_FACTOR} median steps of {}): nothing is filtered or differentiated across; if what stands before or behind does not belong to the motion, leave it out (repair: trim)",
+            "{}, the longest of {} (a gap is a step longer than {GAP_FACTOR} median steps of {}): \
+             nothing is filtered or differentiated across; if what stands before or behind does \
+             not belong to the motion, leave it out (repair: trim)",
             counted(found.len(), "gap"),
             duration(longest),
             duration(usual),
@@ -140,7 +161,8 @@ impl<'a> Log<'a> {
         if self.runs_backwards() {
             return None;
         }
-        let regular: Vec<f64> = self.steps.iter().copied().filter(|&step| step <= GAP_FACTOR * usual).collect();
+        let regular: Vec<f64> =
+            self.steps.iter().copied().filter(|&step| step <= GAP_FACTOR * usual).collect();
         let off = |share: f64| self.where_step(|step| (step - usual).abs() > share * usual);
         let (by_10, by_50) = (off(0.1), off(0.5));
         // Of a time that does not run forward the order is to be mended first.
@@ -151,14 +173,19 @@ impl<'a> Log<'a> {
         }
         let mean = regular.iter().sum::<f64>() / regular.len() as f64;
         let message = format!(
-            "irregular sampling: median step {}, mean {}, 1 % to 99 % of the steps {} to {}; {} of the steps are off by more than 10 %, {} by more than 50 %: {} (resample: {} Hz)",
+            "irregular sampling: median step {}, mean {}, 1 % to 99 % of the steps {} to {}; {} of \
+             the steps are off by more than 10 %, {} by more than 50 %: {} (resample: {} Hz)",
             duration(usual),
             duration(mean),
             duration(quantile(&mut regular.clone(), 0.01)),
             duration(quantile(&mut regular.clone(), 0.99)),
             percent(by_10.len(), self.steps.len()),
             percent(by_50.len(), self.steps.len()),
-            if worst > MOST_JITTER { "too irregular to differentiate, resample first" } else { "resample" },
+            if worst > MOST_JITTER {
+                "too irregular to differentiate, resample first"
+            } else {
+                "resample"
+            },
             rounded(1.0 / usual),
         );
         let severity = if worst > MOST_JITTER { Severity::Error } else { Severity::Warning };
@@ -166,7 +193,8 @@ impl<'a> Log<'a> {
         self.issue(IssueKind::IrregularSampling, severity, &found, message)
     }
 
-    /// The largest deviation of the steps of a stretch between gaps from its median, as a share of it.
+    /// The largest deviation of the steps of a stretch between gaps from its median, as a share of
+    /// it.
     fn worst_jitter(&self, usual: f64) -> f64 {
         let longest = GAP_FACTOR * usual * 1e9;
         let stretches = self.nanoseconds.split(|&step| step as f64 > longest);
@@ -184,13 +212,25 @@ impl<'a> Log<'a> {
             return None;
         }
         let message = format!(
-            "the median step is {} s{}: if the log is not that {}, give the unit of the time with `units.time`; if it is, confirm it (accept: unlikely_rate)",
+            "the median step is {} s{}: if the log is not that {}, give the unit of the time with \
+             `units.time`; if it is, confirm it (accept: unlikely_rate)",
             rounded(usual),
-            if slow_arm { format!(", and no joint is faster than {fastest:.1e} rad/s (m/s)") } else { String::new() },
+            if slow_arm {
+                format!(", and no joint is faster than {fastest:.1e} rad/s (m/s)")
+            } else {
+                String::new()
+            },
             if usual < LIKELY_PERIOD[0] { "fast" } else { "slow" }
         );
         let (kind, severity) = (IssueKind::UnlikelyRate, Severity::Error);
-        Some(Issue { kind, severity, time: None, channel: None, count: self.recording.len(), message })
+        Some(Issue {
+            kind,
+            severity,
+            time: None,
+            channel: None,
+            count: self.recording.len(),
+            message,
+        })
     }
 
     /// Whether the order of the samples is to be mended before their steps say anything.

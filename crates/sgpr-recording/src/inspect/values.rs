@@ -49,7 +49,9 @@ pub(super) fn column(values: &[f64], n: usize, joint: usize) -> impl Iterator<It
 /// Whether all joint values of a sample are finite.
 pub(crate) fn is_finite_row(recording: &Recording, sample: usize) -> bool {
     let n = recording.dof();
-    recording.arrays().all(|(_, values)| values[sample * n..(sample + 1) * n].iter().all(|value| value.is_finite()))
+    recording.arrays().all(|(_, values)| {
+        values[sample * n..(sample + 1) * n].iter().all(|value| value.is_finite())
+    })
 }
 
 fn not_finite(recording: &Recording) -> Vec<Issue> {
@@ -57,20 +59,28 @@ fn not_finite(recording: &Recording) -> Vec<Issue> {
     let joints = recording.joint_names().iter().enumerate();
     let of_joints = joints.flat_map(|(joint, name)| {
         recording.arrays().map(move |(array, values)| {
-            // Models are identified from positions and torques; logged velocities are only compared with them.
+            // Models are identified from positions and torques; logged velocities are only compared
+            // with them.
             let severity = if array == "velocity" { Severity::Warning } else { Severity::Error };
             (format!("{name}_{array}"), joint, n, values, severity)
         })
     });
     let channels = recording.channels().iter();
-    let of_channels = channels.map(|channel| (channel.name.clone(), 0, 1, &channel.values[..], Severity::Note));
+    let of_channels =
+        channels.map(|channel| (channel.name.clone(), 0, 1, &channel.values[..], Severity::Note));
     let is_bad = |values: &[f64]| first_place(values, |value| !value.is_finite()).is_some();
     if !recording.arrays().any(|(_, values)| is_bad(values))
         && !recording.channels().iter().any(|channel| is_bad(&channel.values))
     {
         return vec![];
     }
-    let issue = |(name, first, step, values, severity): (String, usize, usize, &[f64], Severity)| {
+    let issue = |(name, first, step, values, severity): (
+        String,
+        usize,
+        usize,
+        &[f64],
+        Severity,
+    )| {
         let bad = |(_, value): &(usize, f64)| !value.is_finite();
         let mut found = column(values, step, first).enumerate().filter(bad);
         let at = found.next()?.0;
@@ -80,7 +90,8 @@ fn not_finite(recording: &Recording) -> Vec<Issue> {
             severity,
             time: Some(seconds(recording.time()[0], recording.time()[at])),
             message: format!(
-                "`{name}` is missing or not finite in {} ({}), first in sample {at}: drop these samples{}",
+                "`{name}` is missing or not finite in {} ({}), first in sample {at}: drop these \
+                 samples{}",
                 counted(count, "sample"),
                 percent(count, recording.len()),
                 if severity == Severity::Note { "" } else { " (repair: drop_not_finite)" },
@@ -114,13 +125,17 @@ pub(crate) fn repeated_samples(recording: &Recording) -> Vec<usize> {
         before == now || before.is_nan() && now.is_nan()
     };
     let same = |sample: usize| {
-        recording.arrays().all(|(_, values)| values[(sample - 1) * n..][..n] == values[sample * n..][..n])
+        recording
+            .arrays()
+            .all(|(_, values)| values[(sample - 1) * n..][..n] == values[sample * n..][..n])
             && recording.channels().iter().all(|channel| same_channel(&channel.values, sample))
     };
     // Nearly every sample differs in the first number.
     let position = recording.position();
-    let begins_alike = |sample: &usize| n == 0 || position[(sample - 1) * n] == position[sample * n];
-    let candidates: Vec<usize> = (1..recording.len()).filter(begins_alike).filter(|&sample| same(sample)).collect();
+    let begins_alike =
+        |sample: &usize| n == 0 || position[(sample - 1) * n] == position[sample * n];
+    let candidates: Vec<usize> =
+        (1..recording.len()).filter(begins_alike).filter(|&sample| same(sample)).collect();
     if candidates.is_empty() {
         return candidates;
     }
@@ -143,7 +158,8 @@ fn repeated(recording: &Recording) -> Option<Issue> {
         channel: None,
         count: found.len(),
         message: format!(
-            "{} ({}) {} all values of the one before under a new stamp while the arm moves: drop them before differentiating (repair: drop_repeated)",
+            "{} ({}) {} all values of the one before under a new stamp while the arm moves: drop \
+             them before differentiating (repair: drop_repeated)",
             counted(found.len(), "sample"),
             percent(found.len(), recording.len()),
             if found.len() == 1 { "repeats" } else { "repeat" },
@@ -162,7 +178,8 @@ impl<'a> MovingRows<'a> {
     fn new(recording: &'a Recording) -> Self {
         let mut motion = Self { recording, usual: Vec::new() };
         let usual = |joint| {
-            let changes = (0..recording.len()).map(|sample| motion.change(sample, sample + MOTION_WINDOW, joint));
+            let changes = (0..recording.len())
+                .map(|sample| motion.change(sample, sample + MOTION_WINDOW, joint));
             let finite: Vec<f64> = changes.filter(|change| change.is_finite()).collect();
             if is_still(recording, joint) { f64::INFINITY } else { rms(&finite) }
         };
@@ -200,8 +217,10 @@ pub(super) fn is_still_range([low, high]: [f64; 2]) -> bool {
 fn still_joints(recording: &Recording) -> Option<Issue> {
     let n = recording.dof();
     let joints = recording.joint_names().iter().enumerate();
-    let still: Vec<String> =
-        joints.filter(|(joint, _)| is_still(recording, *joint)).map(|(_, name)| name.clone()).collect();
+    let still: Vec<String> = joints
+        .filter(|(joint, _)| is_still(recording, *joint))
+        .map(|(_, name)| name.clone())
+        .collect();
     if still.is_empty() || recording.len() < 2 {
         return None;
     }
@@ -209,7 +228,8 @@ fn still_joints(recording: &Recording) -> Option<Issue> {
         format!("the arm stands still: no joint moves more than {STILL_RANGE} rad (m)")
     } else {
         format!(
-            "{} of {n} joints {} less than {STILL_RANGE} rad (m): {}; what depends on {} motion cannot be identified from this log",
+            "{} of {n} joints {} less than {STILL_RANGE} rad (m): {}; what depends on {} motion \
+             cannot be identified from this log",
             still.len(),
             if still.len() == 1 { "moves" } else { "move" },
             quoted(&still),
@@ -228,7 +248,8 @@ fn clipped(recording: &Recording) -> Vec<Issue> {
     let of_joint = |joint: usize| {
         let tau: Vec<f64> = column(torque, n, joint).collect();
         let q: Vec<f64> = column(recording.position(), n, joint).collect();
-        let [low, high] = statistics::range(tau.iter().copied()).filter(|[low, high]| low < high)?;
+        let [low, high] =
+            statistics::range(tau.iter().copied()).filter(|[low, high]| low < high)?;
         let runs = flat_tops(&tau, &q, low).into_iter().chain(flat_tops(&tau, &q, high));
         let runs: Vec<(usize, usize)> = runs.collect();
         let first = runs.iter().map(|(start, _)| *start).min()?;
@@ -236,10 +257,16 @@ fn clipped(recording: &Recording) -> Vec<Issue> {
         let name = format!("{}_torque", recording.joint_names()[joint]);
         Some(Issue {
             kind: IssueKind::ClippedTorque,
-            severity: if count * 100 > recording.len() { Severity::Warning } else { Severity::Note },
+            severity: if count * 100 > recording.len() {
+                Severity::Warning
+            } else {
+                Severity::Note
+            },
             time: Some(seconds(recording.time()[0], recording.time()[first])),
             message: format!(
-                "`{name}` stays at its extreme ({low} or {high}) for {count} samples in {} while the joint moves: it may be clipped by a limit of drive or logger; leave that time out (repair: trim)",
+                "`{name}` stays at its extreme ({low} or {high}) for {count} samples in {} while \
+                 the joint moves: it may be clipped by a limit of drive or logger; leave that time \
+                 out (repair: trim)",
                 in_stretches(runs.len()),
             ),
             channel: Some(name),
@@ -256,14 +283,19 @@ fn frozen(recording: &Recording) -> Vec<Issue> {
     let of_joint = |joint: usize| {
         let tau: Vec<f64> = column(torque, n, joint).collect();
         let q: Vec<f64> = column(recording.position(), n, joint).collect();
-        let width = |values: &[f64]| statistics::range(values.iter().copied()).map_or(0.0, |[low, high]| high - low);
+        let width = |values: &[f64]| {
+            statistics::range(values.iter().copied()).map_or(0.0, |[low, high]| high - low)
+        };
         let extremes = statistics::range(tau.iter().copied()).filter(|[low, high]| low < high);
         let (mut start, mut runs) = (0, Vec::new());
         for run in tau.chunk_by(|a, b| a == b) {
             let end = start + run.len();
             let is_top = extremes.is_some_and(|extremes| extremes.contains(&run[0]));
             let moved = width(&q[start..end]);
-            if time[end - 1] - time[start] >= FROZEN && !is_top && moved > STILL_RANGE.max(FROZEN_SHARE * width(&q)) {
+            if time[end - 1] - time[start] >= FROZEN
+                && !is_top
+                && moved > STILL_RANGE.max(FROZEN_SHARE * width(&q))
+            {
                 runs.push(start..end);
             }
             start = end;
@@ -276,7 +308,8 @@ fn frozen(recording: &Recording) -> Vec<Issue> {
             severity: Severity::Warning,
             time: Some(time[first]),
             message: format!(
-                "`{name}` stays at {} for {} ({}) in {} while the joint moves, first {:.3} s after the start: it was not measured there; leave that time out (repair: trim)",
+                "`{name}` stays at {} for {} ({}) in {} while the joint moves, first {:.3} s after \
+                 the start: it was not measured there; leave that time out (repair: trim)",
                 tau[first],
                 counted(count, "sample"),
                 percent(count, recording.len()),
@@ -294,7 +327,8 @@ fn in_stretches(count: usize) -> String {
     if count == 1 { "1 stretch".into() } else { format!("{count} stretches") }
 }
 
-type ValueColumn<'a> = std::iter::Copied<std::iter::StepBy<std::iter::Skip<std::slice::Iter<'a, f64>>>>;
+type ValueColumn<'a> =
+    std::iter::Copied<std::iter::StepBy<std::iter::Skip<std::slice::Iter<'a, f64>>>>;
 
 /// Numbers that leave one end of 16 bits and come back at the other.
 fn overflows(recording: &Recording) -> Vec<Issue> {
@@ -303,8 +337,12 @@ fn overflows(recording: &Recording) -> Vec<Issue> {
         let [low, high] = range?;
         let visible = 1e-9 * (high - low);
         let share = |step: f64| (high - low) / (OF_16_BITS * step);
-        let changes =
-            || values.clone().zip(values.clone().skip(1)).map(|(before, now): (f64, f64)| (now - before).abs());
+        let changes = || {
+            values
+                .clone()
+                .zip(values.clone().skip(1))
+                .map(|(before, now): (f64, f64)| (now - before).abs())
+        };
         let mut step = f64::INFINITY;
         for change in changes().filter(|change| *change > visible) {
             step = step.min(change);
@@ -316,7 +354,8 @@ fn overflows(recording: &Recording) -> Vec<Issue> {
         if !(NEAR_THE_ENDS[0]..=1.0).contains(&share(step)) {
             return None;
         }
-        let across = |(k, change): (usize, f64)| (change > NEAR_THE_ENDS[1] * (high - low)).then_some(k);
+        let across =
+            |(k, change): (usize, f64)| (change > NEAR_THE_ENDS[1] * (high - low)).then_some(k);
         let found: Vec<usize> = changes().enumerate().filter_map(across).collect();
         let at = seconds(time[0], time[found.first()? + 1]);
         Some(Issue {
@@ -324,17 +363,21 @@ fn overflows(recording: &Recording) -> Vec<Issue> {
             severity: Severity::Error,
             time: Some(at),
             message: format!(
-                "`{name}` overflows {}, first {at:.3} s after the start: it leaves one end of 65536 steps of {step:.3e} and comes back at the other; log it in more bits or larger steps, or leave that time out (repair: trim)",
+                "`{name}` overflows {}, first {at:.3} s after the start: it leaves one end of \
+                 65536 steps of {step:.3e} and comes back at the other; log it in more bits or \
+                 larger steps, or leave that time out (repair: trim)",
                 counted(found.len(), "time"),
             ),
             channel: Some(name),
             count: found.len(),
         })
     };
-    let arrays = recording.arrays().map(|(array, values)| (array, values, statistics::ranges(values, n)));
+    let arrays =
+        recording.arrays().map(|(array, values)| (array, values, statistics::ranges(values, n)));
     let arrays: Vec<_> = arrays.collect();
     let names = recording.joint_names().iter().enumerate();
-    let columns = names.flat_map(|(joint, name)| arrays.iter().map(move |array| (joint, name, array)));
+    let columns =
+        names.flat_map(|(joint, name)| arrays.iter().map(move |array| (joint, name, array)));
     let columns = columns.map(|(joint, name, (array, values, ranges))| {
         let own: ValueColumn<'_> = values.iter().skip(joint).step_by(n).copied();
         (format!("{name}_{array}"), own, ranges[joint])
@@ -347,7 +390,8 @@ fn flat_tops(tau: &[f64], q: &[f64], extreme: f64) -> Vec<(usize, usize)> {
     let mut runs = Vec::new();
     let mut start = 0;
     for run in tau.chunk_by(|a, b| a == b) {
-        let moves = q[start..start + run.len()].windows(2).filter(|pair| pair[0] != pair[1]).count();
+        let moves =
+            q[start..start + run.len()].windows(2).filter(|pair| pair[0] != pair[1]).count();
         if run.len() >= FLAT_TOP && run[0] == extreme && 2 * moves >= run.len() {
             runs.push((start, run.len()));
         }
@@ -371,17 +415,21 @@ fn encoder_steps(recording: &Recording) -> Option<Issue> {
         channel: None,
         count: steps.len(),
         message: format!(
-            "positions move in steps, of the encoder or of the rounding in the log, rad (m): {}; filter before differentiating",
+            "positions move in steps, of the encoder or of the rounding in the log, rad (m): {}; \
+             filter before differentiating",
             steps.join(", "),
         ),
     })
 }
 
-/// The step of which the changes from sample to sample are multiples, if there is one and it is of their size.
+/// The step of which the changes from sample to sample are multiples, if there is one and it is of
+/// their size.
 fn quantum(q: &[f64]) -> Option<f64> {
     let changes = q.windows(2).map(|pair| (pair[1] - pair[0]).abs());
-    let magnitude = statistics::range(q.iter().copied())?.into_iter().map(f64::abs).fold(0.0, f64::max);
-    let moving: Vec<f64> = changes.filter(|change| change.is_finite() && *change > 1e-12 * magnitude).collect();
+    let magnitude =
+        statistics::range(q.iter().copied())?.into_iter().map(f64::abs).fold(0.0, f64::max);
+    let moving: Vec<f64> =
+        changes.filter(|change| change.is_finite() && *change > 1e-12 * magnitude).collect();
     if moving.len() < 50 {
         return None;
     }

@@ -23,7 +23,8 @@ pub(super) fn assemble(
     let chosen = choose(path, topics, &logs, options)?;
     let wanted = wanted_names(&logs, &chosen, options);
     let streams = streams(path, &logs, &chosen, &wanted, &mut notes)?;
-    let Merged { time, arrays: [position, velocity, effort] } = merge(path, &logs, &streams, wanted.len(), &mut notes)?;
+    let Merged { time, arrays: [position, velocity, effort] } =
+        merge(path, &logs, &streams, wanted.len(), &mut notes)?;
 
     let mut tracks: Vec<NumberTrack> = Vec::new();
     for (index, log) in logs.iter().enumerate() {
@@ -49,16 +50,23 @@ fn choose(
     options: &McapOptions,
 ) -> Result<Vec<usize>, RecordingError> {
     let has_positions = |log: &TopicLog| log.states.iter().any(|state| state.starts[0].is_some());
-    let candidates: Vec<usize> = (0..logs.len()).filter(|&index| has_positions(&logs[index])).collect();
+    let candidates: Vec<usize> =
+        (0..logs.len()).filter(|&index| has_positions(&logs[index])).collect();
     if candidates.is_empty() {
-        let topics = topics.iter().map(|topic| format!("{} ({}, {})", topic.name, topic.schema, topic.encoding));
+        let topics = topics
+            .iter()
+            .map(|topic| format!("{} ({}, {})", topic.name, topic.schema, topic.encoding));
         return Err(RecordingError::NoJointStates { path: path.into(), topics: topics.collect() });
     }
     let Some(names) = &options.topics else { return Ok(candidates) };
     let known = || candidates.iter().map(|&index| logs[index].topic.name.clone()).collect();
     let find = |name: &String| {
         let found = candidates.iter().copied().find(|&index| logs[index].topic.name == *name);
-        found.ok_or_else(|| RecordingError::UnknownTopic { path: path.into(), topic: name.clone(), known: known() })
+        found.ok_or_else(|| RecordingError::UnknownTopic {
+            path: path.into(),
+            topic: name.clone(),
+            known: known(),
+        })
     };
     let mut chosen: Vec<usize> = names.iter().map(find).collect::<Result<_, _>>()?;
     chosen.sort_unstable();
@@ -86,14 +94,19 @@ fn wanted_names(logs: &[TopicLog], chosen: &[usize], options: &McapOptions) -> V
 
 impl TopicLog {
     fn sets_with_positions(&self) -> Vec<usize> {
-        let mut sets: Vec<usize> =
-            self.states.iter().filter(|state| state.starts[0].is_some()).map(|state| state.set).collect();
+        let mut sets: Vec<usize> = self
+            .states
+            .iter()
+            .filter(|state| state.starts[0].is_some())
+            .map(|state| state.set)
+            .collect();
         sets.sort_unstable();
         sets.dedup();
         sets
     }
 
-    /// Names of the joints of a set; those without names are called like `wanted` if there are as many, else by number.
+    /// Names of the joints of a set; those without names are called like `wanted` if there are as
+    /// many, else by number.
     fn joint_names(&self, set: usize, wanted: &[String]) -> Vec<String> {
         let set = &self.sets[set];
         match &set.names {
@@ -128,12 +141,15 @@ fn streams(
     for &log in chosen {
         let mut of_topic = streams_of(log, &logs[log], wanted);
         // The most complete messages first.
-        of_topic.sort_by_key(|stream| std::cmp::Reverse((stream.joints.len(), stream.states.len())));
+        of_topic
+            .sort_by_key(|stream| std::cmp::Reverse((stream.joints.len(), stream.states.len())));
         let mut taken: Vec<usize> = Vec::new();
         for stream in of_topic {
             if stream.joints.iter().any(|joint| taken.contains(joint)) {
                 let (name, count) = (&logs[log].topic.name, stream.states.len());
-                notes.push(format!("`{name}`: left out {count} messages that lack some of the joints"));
+                notes.push(format!(
+                    "`{name}`: left out {count} messages that lack some of the joints"
+                ));
             } else {
                 taken.extend(&stream.joints);
                 streams.push(stream);
@@ -141,7 +157,8 @@ fn streams(
         }
     }
     for (joint, name) in wanted.iter().enumerate() {
-        let carriers: Vec<&Stream> = streams.iter().filter(|stream| stream.joints.contains(&joint)).collect();
+        let carriers: Vec<&Stream> =
+            streams.iter().filter(|stream| stream.joints.contains(&joint)).collect();
         match carriers[..] {
             [_] => {}
             [] => {
@@ -152,11 +169,20 @@ fn streams(
                 let mut known: Vec<String> = names.take(MOST_JOINTS).collect();
                 known.sort();
                 known.dedup();
-                return Err(RecordingError::UnknownJoint { recording: path.into(), joint: name.clone(), known });
+                return Err(RecordingError::UnknownJoint {
+                    recording: path.into(),
+                    joint: name.clone(),
+                    known,
+                });
             }
             _ => {
-                let topics = carriers.iter().map(|stream| logs[stream.log].topic.name.clone()).collect();
-                return Err(RecordingError::AmbiguousTopics { path: path.into(), joint: name.clone(), topics });
+                let topics =
+                    carriers.iter().map(|stream| logs[stream.log].topic.name.clone()).collect();
+                return Err(RecordingError::AmbiguousTopics {
+                    path: path.into(),
+                    joint: name.clone(),
+                    topics,
+                });
             }
         }
     }
@@ -170,19 +196,23 @@ fn streams_of(index: usize, log: &TopicLog, wanted: &[String]) -> Vec<Stream> {
     for set in 0..log.sets.len() {
         let names = log.joint_names(set, wanted);
         let column = |joint: &String| names.iter().position(|name| name == joint);
-        let found = wanted.iter().enumerate().filter_map(|(joint, name)| Some((joint, column(name)?)));
+        let found =
+            wanted.iter().enumerate().filter_map(|(joint, name)| Some((joint, column(name)?)));
         let (joints, columns): (Vec<usize>, Vec<usize>) = found.unzip();
         if joints.is_empty() {
             place.push(None);
             continue;
         }
-        let stream = streams.iter().position(|stream| stream.joints == joints).unwrap_or_else(|| {
-            streams.push(Stream { log: index, joints, states: Vec::new() });
-            streams.len() - 1
-        });
+        let stream =
+            streams.iter().position(|stream| stream.joints == joints).unwrap_or_else(|| {
+                streams.push(Stream { log: index, joints, states: Vec::new() });
+                streams.len() - 1
+            });
         place.push(Some((stream, Rc::new(columns))));
     }
-    for (number, state) in log.states.iter().enumerate().filter(|(_, state)| state.starts[0].is_some()) {
+    for (number, state) in
+        log.states.iter().enumerate().filter(|(_, state)| state.starts[0].is_some())
+    {
         if let Some((stream, columns)) = &place[state.set] {
             streams[*stream].states.push((number, columns.clone()));
         }
@@ -207,14 +237,25 @@ fn merge(
     joints: usize,
     notes: &mut Vec<String>,
 ) -> Result<Merged, RecordingError> {
-    let leader = streams.iter().max_by_key(|stream| stream.states.len()).expect("every wanted joint has a stream");
-    let tracks: Vec<Track> = streams.iter().map(|stream| Track::new(&logs[stream.log], stream)).collect();
-    let all: Vec<i64> =
-        leader.states.iter().map(|(state, _)| logs[leader.log].time(&logs[leader.log].states[*state])).collect();
+    let leader = streams
+        .iter()
+        .max_by_key(|stream| stream.states.len())
+        .expect("every wanted joint has a stream");
+    let tracks: Vec<Track> =
+        streams.iter().map(|stream| Track::new(&logs[stream.log], stream)).collect();
+    let all: Vec<i64> = leader
+        .states
+        .iter()
+        .map(|(state, _)| logs[leader.log].time(&logs[leader.log].states[*state]))
+        .collect();
     let rows: Vec<(i64, Vec<BetweenSamples>)> = if streams.len() == 1 {
-        (0..all.len()).map(|before| (all[before], vec![BetweenSamples { before, fraction: 0.0 }])).collect()
+        (0..all.len())
+            .map(|before| (all[before], vec![BetweenSamples { before, fraction: 0.0 }]))
+            .collect()
     } else {
-        let places = |time: i64| tracks.iter().map(|track| track.place(time)).collect::<Option<Vec<BetweenSamples>>>();
+        let places = |time: i64| {
+            tracks.iter().map(|track| track.place(time)).collect::<Option<Vec<BetweenSamples>>>()
+        };
         all.iter().filter_map(|&time| Some((time, places(time)?))).collect()
     };
     if rows.is_empty() {
@@ -232,7 +273,11 @@ fn merge(
             .collect();
         if !lacking.is_empty() {
             if lacking.len() < tracks.len() {
-                notes.push(format!("no {}: the topics {} have none", ARRAYS[array], quoted(&lacking)));
+                notes.push(format!(
+                    "no {}: the topics {} have none",
+                    ARRAYS[array],
+                    quoted(&lacking)
+                ));
             }
             return None;
         }
@@ -247,11 +292,19 @@ fn merge(
     Ok(Merged { time: rows.into_iter().map(|(time, _)| time).collect(), arrays })
 }
 
-fn merge_note(logs: &[TopicLog], streams: &[Stream], all: usize, rows: &[(i64, Vec<BetweenSamples>)]) -> String {
-    let topics: Vec<String> = streams.iter().map(|stream| logs[stream.log].topic.name.clone()).collect();
-    let between = rows.iter().filter(|(_, places)| places.iter().any(|place| place.fraction != 0.0)).count();
+fn merge_note(
+    logs: &[TopicLog],
+    streams: &[Stream],
+    all: usize,
+    rows: &[(i64, Vec<BetweenSamples>)],
+) -> String {
+    let topics: Vec<String> =
+        streams.iter().map(|stream| logs[stream.log].topic.name.clone()).collect();
+    let between =
+        rows.iter().filter(|(_, places)| places.iter().any(|place| place.fraction != 0.0)).count();
     format!(
-        "merged the joints of {}: {} of {all} samples have all joints, in {between} of them some are interpolated between messages",
+        "merged the joints of {}: {} of {all} samples have all joints, in {between} of them some \
+         are interpolated between messages",
         quoted(&topics),
         rows.len(),
     )
@@ -270,9 +323,11 @@ struct Track<'a> {
 impl<'a> Track<'a> {
     fn new(log: &'a TopicLog, stream: &'a Stream) -> Self {
         let times = stream.states.iter().map(|(state, _)| log.time(&log.states[*state]));
-        let mut order: Vec<(i64, usize)> = times.enumerate().map(|(index, time)| (time, index)).collect();
+        let mut order: Vec<(i64, usize)> =
+            times.enumerate().map(|(index, time)| (time, index)).collect();
         order.sort_by_key(|(time, _)| *time);
-        let mut steps: Vec<f64> = order.windows(2).map(|pair| seconds(pair[0].0, pair[1].0)).collect();
+        let mut steps: Vec<f64> =
+            order.windows(2).map(|pair| seconds(pair[0].0, pair[1].0)).collect();
         Self { log, stream, order, longest: GAP_FACTOR * median(&mut steps) }
     }
 
@@ -284,7 +339,8 @@ impl<'a> Track<'a> {
             return Some(BetweenSamples { before, fraction: 0.0 });
         }
         let step = seconds(from, self.order.get(before + 1)?.0);
-        (step <= self.longest).then(|| BetweenSamples { before, fraction: seconds(from, time) / step })
+        (step <= self.longest)
+            .then(|| BetweenSamples { before, fraction: seconds(from, time) / step })
     }
 
     fn has(&self, array: usize) -> bool {
@@ -318,7 +374,8 @@ impl NumberTrack {
     /// A field of the messages of a topic.
     fn of_series(log: &TopicLog, series: &Series) -> Self {
         let topic = &log.topic.name;
-        let name = if series.name.is_empty() { topic.clone() } else { format!("{topic}/{}", series.name) };
+        let name =
+            if series.name.is_empty() { topic.clone() } else { format!("{topic}/{}", series.name) };
         Self::new(name, log.points(series))
     }
 
@@ -326,14 +383,17 @@ impl NumberTrack {
     fn of_joints(log: &TopicLog) -> Vec<Self> {
         let mut tracks: BTreeMap<(usize, usize), Self> = BTreeMap::new();
         let mut numbers: HashMap<String, usize> = HashMap::new();
-        let names: Vec<Vec<String>> = (0..log.sets.len()).map(|set| log.joint_names(set, &[])).collect();
+        let names: Vec<Vec<String>> =
+            (0..log.sets.len()).map(|set| log.joint_names(set, &[])).collect();
         for state in &log.states {
             for (column, joint) in names[state.set].iter().enumerate() {
                 let next = numbers.len();
                 let number = *numbers.entry(joint.clone()).or_insert(next);
                 for array in (0..ARRAYS.len()).filter(|&array| state.starts[array].is_some()) {
                     let name = || format!("{}/{joint}/{}", log.topic.name, ARRAYS[array]);
-                    let track = tracks.entry((array, number)).or_insert_with(|| Self::new(name(), Vec::new()));
+                    let track = tracks
+                        .entry((array, number))
+                        .or_insert_with(|| Self::new(name(), Vec::new()));
                     track.points.push((log.time(state), log.value(state, array, column)));
                 }
             }

@@ -14,8 +14,13 @@ pub(super) struct Bytes<'a> {
 macro_rules! number {
     ($name:ident, $type:ty) => {
         pub(super) fn $name(&mut self) -> Result<$type, MessageFault> {
-            let bytes = self.take(size_of::<$type>())?.try_into().expect("as many bytes as were taken");
-            Ok(if self.little_endian { <$type>::from_le_bytes(bytes) } else { <$type>::from_be_bytes(bytes) })
+            let bytes =
+                self.take(size_of::<$type>())?.try_into().expect("as many bytes as were taken");
+            Ok(if self.little_endian {
+                <$type>::from_le_bytes(bytes)
+            } else {
+                <$type>::from_be_bytes(bytes)
+            })
         }
     };
 }
@@ -46,7 +51,11 @@ impl<'a> Bytes<'a> {
 
     pub(super) fn take(&mut self, count: usize) -> Result<&'a [u8], MessageFault> {
         if count > self.left() {
-            return Err(format!("{count} bytes are needed at byte {}, but {} are left", self.at, self.left()));
+            return Err(format!(
+                "{count} bytes are needed at byte {}, but {} are left",
+                self.at,
+                self.left()
+            ));
         }
         self.at += count;
         Ok(&self.bytes[self.at - count..self.at])
@@ -57,7 +66,10 @@ impl<'a> Bytes<'a> {
         let at = self.at;
         let count = self.u32()? as usize;
         if count.saturating_mul(size) > self.left() {
-            return Err(format!("a length of {count} at byte {at}, but only {} bytes follow", self.left()));
+            return Err(format!(
+                "a length of {count} at byte {at}, but only {} bytes follow",
+                self.left()
+            ));
         }
         Ok(count)
     }

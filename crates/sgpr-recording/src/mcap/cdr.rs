@@ -1,6 +1,7 @@
 //! ROS 2 messages in Common Data Representation (OMG CDR, XCDR version 1).
 //!
-//! Source: OMG DDS-RTPS 2.5, section 10; values are aligned to their size, counted from the end of the 4-byte header.
+//! Source: OMG DDS-RTPS 2.5, section 10; values are aligned to their size, counted from the end of
+//! the 4-byte header.
 
 use std::borrow::Cow;
 
@@ -14,9 +15,13 @@ impl<'a> Cdr<'a> {
         match message {
             [0, order @ (0 | 1), _, _, body @ ..] => Ok(Self(Bytes::new(body, *order == 1))),
             [first, second, _, _, ..] => Err(format!(
-                "the CDR encapsulation {first:02x} {second:02x} is not supported (plain CDR is: 00 00, 00 01)"
+                "the CDR encapsulation {first:02x} {second:02x} is not supported (plain CDR is: 00 \
+                 00, 00 01)"
             )),
-            _ => Err(format!("a CDR message has a header of 4 bytes, this one {} bytes in all", message.len())),
+            _ => Err(format!(
+                "a CDR message has a header of 4 bytes, this one {} bytes in all",
+                message.len()
+            )),
         }
     }
 
@@ -159,7 +164,9 @@ mod tests {
     #[test]
     fn lengths_beyond_the_message_are_refused() {
         let huge = [0, 1, 0, 0, 0xff, 0xff, 0xff, 0xff, 1, 2, 3];
-        assert!(Cdr::new(&huge).expect("header").f64s().expect_err("too long").contains("4294967295"));
+        assert!(
+            Cdr::new(&huge).expect("header").f64s().expect_err("too long").contains("4294967295")
+        );
         assert!(Cdr::new(&huge).expect("header").text().is_err());
         assert!(Cdr::new(&huge).expect("header").texts(10).is_err());
         assert!(Cdr::new(&[0, 7, 0, 0]).err().expect("XCDR2").contains("not supported"));

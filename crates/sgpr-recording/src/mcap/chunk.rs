@@ -22,22 +22,25 @@ impl<'a> Chunk<'a> {
         let compression = bytes.text()?.into_owned();
         let length = bytes.u64()?;
         if whole && length > bytes.left() as u64 {
-            return Err(format!("a chunk claims {length} packed bytes, but its record has {}", bytes.left()));
+            return Err(format!(
+                "a chunk claims {length} packed bytes, but its record has {}",
+                bytes.left()
+            ));
         }
         let there = usize::try_from(length).unwrap_or(usize::MAX).min(bytes.left());
         Ok(Self { size, checksum, compression, packed: &bytes.rest()[..there] })
     }
 
-    /// The unpacked bytes, as many as could be had and never more than claimed, and why they are not all.
+    /// The unpacked bytes, as many as could be had and never more than claimed, and why they are
+    /// not all.
     pub(super) fn unpack(&self) -> (Vec<u8>, Option<MessageFault>) {
         let mut records = Vec::new();
         let result = match self.compression.as_str() {
             "" => (&mut &self.packed[..]).take(self.size).read_to_end(&mut records),
             "zstd" => zstd::stream::read::Decoder::with_buffer(self.packed)
                 .and_then(|unpacked| unpacked.take(self.size).read_to_end(&mut records)),
-            "lz4" => {
-                lz4::Decoder::new(self.packed).and_then(|unpacked| unpacked.take(self.size).read_to_end(&mut records))
-            }
+            "lz4" => lz4::Decoder::new(self.packed)
+                .and_then(|unpacked| unpacked.take(self.size).read_to_end(&mut records)),
             other => Err(io::Error::other(format!("the compression `{other}` is not supported"))),
         };
         let fault = match result {

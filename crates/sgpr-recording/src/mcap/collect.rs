@@ -91,17 +91,27 @@ impl<'a> Collector<'a> {
         let Some(index) = self.log_of(&message) else { return Ok(()) };
         let log = &mut self.logs[index];
         log.messages += 1;
-        let result = content(log.format, message.data).and_then(|content| log.take(message.log_time, content));
+        let result = content(log.format, message.data)
+            .and_then(|content| log.take(message.log_time, content));
         match result {
             Ok(bytes) => self.bytes += bytes,
             Err(_) if self.options.recover => log.broken += 1,
             Err(cause) => {
                 let (topic, index) = (log.topic.name.clone(), log.messages);
-                return Err(RecordingError::Message { path: self.path.into(), topic, index, cause });
+                return Err(RecordingError::Message {
+                    path: self.path.into(),
+                    topic,
+                    index,
+                    cause,
+                });
             }
         }
         let limit = self.options.limit_bytes;
-        if self.bytes > limit { Err(RecordingError::TooLarge { path: self.path.into(), limit }) } else { Ok(()) }
+        if self.bytes > limit {
+            Err(RecordingError::TooLarge { path: self.path.into(), limit })
+        } else {
+            Ok(())
+        }
     }
 
     /// The log of the topic of a message; channels of one topic share it.
@@ -112,7 +122,10 @@ impl<'a> Collector<'a> {
         let topic = message.topic;
         let index = match MessageFormat::of(topic) {
             Ok(format) => {
-                let known = self.logs.iter().position(|log| log.topic.name == topic.name && log.format == format);
+                let known = self
+                    .logs
+                    .iter()
+                    .position(|log| log.topic.name == topic.name && log.format == format);
                 known.or_else(|| self.new_log(topic, format))
             }
             Err(reason) => {
@@ -145,11 +158,16 @@ impl<'a> Collector<'a> {
         for log in &mut self.logs {
             let name = &log.topic.name;
             if log.broken > 0 {
-                self.notes.push(format!("`{name}`: left out {} broken messages of {}", log.broken, log.messages));
+                self.notes.push(format!(
+                    "`{name}`: left out {} broken messages of {}",
+                    log.broken, log.messages
+                ));
             }
             log.by_stamp = log.stamped && self.options.clock == Clock::HeaderStamp;
             if !log.states.is_empty() && !log.stamped && self.options.clock == Clock::HeaderStamp {
-                self.notes.push(format!("`{name}`: the messages have no stamps; the time is the log time"));
+                self.notes.push(format!(
+                    "`{name}`: the messages have no stamps; the time is the log time"
+                ));
             }
             log.states.sort_by_key(|state| state.times.log);
         }
@@ -179,7 +197,8 @@ impl TopicLog {
 
     /// Keeps a message; returns about how many bytes that takes.
     fn take(&mut self, log_time: u64, content: Content) -> Result<u64, String> {
-        let log = i64::try_from(log_time).map_err(|_| format!("the log time {log_time} ns is too large"))?;
+        let log = i64::try_from(log_time)
+            .map_err(|_| format!("the log time {log_time} ns is too large"))?;
         let times = Times { log, stamp: content.stamp.unwrap_or(log) };
         self.stamped |= content.stamp.is_some_and(|stamp| stamp != 0);
         let mut bytes = 0;
@@ -196,7 +215,9 @@ impl TopicLog {
                     self.series.push(Series { name, points: Vec::new() });
                     self.series.len() - 1
                 }
-                None => return Err(format!("more than {MOST_KINDS} different fields on one topic")),
+                None => {
+                    return Err(format!("more than {MOST_KINDS} different fields on one topic"));
+                }
             };
             self.series[index].points.push((times, value));
         }
@@ -217,7 +238,11 @@ impl TopicLog {
                 self.set_index.insert(key, self.sets.len() - 1);
                 self.sets.len() - 1
             }
-            None => return Err(format!("more than {MOST_KINDS} different lists of joints on one topic")),
+            None => {
+                return Err(format!(
+                    "more than {MOST_KINDS} different lists of joints on one topic"
+                ));
+            }
         };
         self.states.push(JointStateMessage { times, set, starts });
         Ok(())

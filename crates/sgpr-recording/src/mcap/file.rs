@@ -1,7 +1,8 @@
 //! An MCAP file as a sequence of records.
 //!
-//! The readers of the `mcap` crate (0.26) are made for files that one trusts: a wrong length makes them reserve up to 4 GiB
-//! or panic. Here every length is compared with what is there before anything is reserved.
+//! The readers of the `mcap` crate (0.26) are made for files that one trusts: a wrong length makes
+//! them reserve up to 4 GiB or panic. Here every length is compared with what is there before
+//! anything is reserved.
 //!
 //! Source: MCAP format specification, <https://mcap.dev/spec>.
 
@@ -56,21 +57,35 @@ impl RecordFile {
         let length = file.metadata().map_err(unreadable)?.len();
         let mut reader = BufReader::with_capacity(1 << 16, file);
         let start = reader.fill_buf().map_err(unreadable)?;
-        let wrong = |found, advice| RecordingError::WrongFormat { path: name.clone(), expected: "MCAP", found, advice };
+        let wrong = |found, advice| RecordingError::WrongFormat {
+            path: name.clone(),
+            expected: "MCAP",
+            found,
+            advice,
+        };
         if start.is_empty() {
             return Err(RecordingError::Empty { path: name });
         }
         if start.starts_with(b"SQLite format 3") {
-            return Err(wrong("an SQLite bag of ROS 2", "convert it with `ros2 bag convert`, storage_id: mcap"));
+            return Err(wrong(
+                "an SQLite bag of ROS 2",
+                "convert it with `ros2 bag convert`, storage_id: mcap",
+            ));
         }
         if start.starts_with(b"#ROSBAG") {
-            return Err(wrong("a ROS 1 bag", "convert it to a ROS 2 MCAP bag, e.g. with `rosbags-convert`"));
+            return Err(wrong(
+                "a ROS 1 bag",
+                "convert it to a ROS 2 MCAP bag, e.g. with `rosbags-convert`",
+            ));
         }
         if start.len() < mcap::MAGIC.len() && mcap::MAGIC.starts_with(start) {
             return Err(RecordingError::Truncated { path: name, byte: 0, messages: 0 });
         }
         if !start.starts_with(mcap::MAGIC) {
-            return Err(wrong("a file of another kind", "MCAP files begin with the bytes 89 4d 43 41 50"));
+            return Err(wrong(
+                "a file of another kind",
+                "MCAP files begin with the bytes 89 4d 43 41 50",
+            ));
         }
         let mut file = Self { reader, offset: 0, length, checksum: Crc::new() };
         file.take(mcap::MAGIC.len() as u64).map_err(unreadable)?;
@@ -128,7 +143,9 @@ impl RecordFile {
                     self.skip(length - body.len() as u64).map_err(unreadable)?;
                     let stored = u32::from_le_bytes([body[0], body[1], body[2], body[3]]);
                     if stored != 0 && stored != before {
-                        let cause = format!("checksum of the data {before:08x}, the file says {stored:08x}");
+                        let cause = format!(
+                            "checksum of the data {before:08x}, the file says {stored:08x}"
+                        );
                         return Ok(FilePart::Wrong { byte, cause });
                     }
                 }

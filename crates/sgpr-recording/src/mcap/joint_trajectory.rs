@@ -35,8 +35,8 @@ int32 sec
 uint32 nanosec
 ";
 
-/// Writes an MCAP file of profile `ros2` with one `trajectory_msgs/msg/JointTrajectory` message on `topic`, stamped zero:
-/// what a `joint_trajectory_controller` takes.
+/// Writes an MCAP file of profile `ros2` with one `trajectory_msgs/msg/JointTrajectory` message on
+/// `topic`, stamped zero: what a `joint_trajectory_controller` takes.
 ///
 /// - `time`: `[samples]`, s from the start
 /// - `q`, `dq`, `ddq`: `[samples, n]`, rad (m), per s, per s²
@@ -56,7 +56,10 @@ pub fn write_joint_trajectory(
     ddq: &[f64],
 ) -> Result<(), RecordingError> {
     let n = joint_names.len();
-    assert!([q, dq, ddq].iter().all(|array| array.len() == time.len() * n), "arrays of the same samples");
+    assert!(
+        [q, dq, ddq].iter().all(|array| array.len() == time.len() * n),
+        "arrays of the same samples"
+    );
     let mut message = CdrWriter::new();
     message.u32(0);
     message.u32(0);
@@ -80,9 +83,14 @@ pub fn write_joint_trajectory(
 }
 
 fn write(file: impl io::Write + io::Seek, topic: &str, message: &[u8]) -> Result<(), McapError> {
-    let options = WriteOptions::new().profile("ros2").library(concat!("sgpr ", env!("CARGO_PKG_VERSION")));
+    let options =
+        WriteOptions::new().profile("ros2").library(concat!("sgpr ", env!("CARGO_PKG_VERSION")));
     let mut file = options.compression(Some(Compression::Zstd)).create(file)?;
-    let schema = file.add_schema("trajectory_msgs/msg/JointTrajectory", "ros2msg", JOINT_TRAJECTORY.as_bytes())?;
+    let schema = file.add_schema(
+        "trajectory_msgs/msg/JointTrajectory",
+        "ros2msg",
+        JOINT_TRAJECTORY.as_bytes(),
+    )?;
     let channel_id = file.add_channel(schema, topic, "cdr", &BTreeMap::new())?;
     let header = MessageHeader { channel_id, sequence: 0, log_time: 0, publish_time: 0 };
     file.write_to_known_channel(&header, message)?;

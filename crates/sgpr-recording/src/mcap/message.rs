@@ -51,7 +51,8 @@ pub(super) struct Content {
     /// ns; zero is how ROS says that there is none
     pub(super) stamp: Option<i64>,
     pub(super) joints: Option<JointValues>,
-    /// Numbers beside the joints, with the names of their fields; empty for a message that is one number.
+    /// Numbers beside the joints, with the names of their fields; empty for a message that is one
+    /// number.
     pub(super) numbers: Vec<(String, f64)>,
 }
 
@@ -77,7 +78,8 @@ impl JointValues {
 
     fn checked(self) -> Result<Self, MessageFault> {
         let count = self.count();
-        for (array, values) in ["positions", "velocities", "efforts"].into_iter().zip(self.arrays()) {
+        for (array, values) in ["positions", "velocities", "efforts"].into_iter().zip(self.arrays())
+        {
             if !values.is_empty() && values.len() != count {
                 return Err(format!("{} {array} for {}", values.len(), counted(count, "joint")));
             }
@@ -100,7 +102,10 @@ pub(super) fn content(format: MessageFormat, data: &[u8]) -> Result<Content, Mes
         return json(data);
     }
     let mut cdr = Cdr::new(data)?;
-    let number = |name: &str, value: f64| Content { numbers: vec![(name.into(), value)], ..Content::default() };
+    let number = |name: &str, value: f64| Content {
+        numbers: vec![(name.into(), value)],
+        ..Content::default()
+    };
     Ok(match format {
         MessageFormat::Float32 => number("", f64::from(cdr.f32()?)),
         MessageFormat::Float64 => number("", cdr.f64()?),
@@ -115,7 +120,8 @@ pub(super) fn content(format: MessageFormat, data: &[u8]) -> Result<Content, Mes
             let stamp = Some(cdr.header()?);
             let names = cdr.texts(MOST_JOINTS)?.into_iter().map(|name| name.into_owned()).collect();
             let (position, velocity, effort) = (cdr.f64s()?, cdr.f64s()?, cdr.f64s()?);
-            let joints = JointValues { names: Some(names), position, velocity, effort }.checked()?;
+            let joints =
+                JointValues { names: Some(names), position, velocity, effort }.checked()?;
             Content { stamp, joints: Some(joints), numbers: Vec::new() }
         }
     })
@@ -134,14 +140,22 @@ fn multi_array(cdr: &mut Cdr) -> Result<Vec<f64>, MessageFault> {
 
 fn numbered(name: &str, values: &[f64]) -> Vec<(String, f64)> {
     let separator = if name.is_empty() { "" } else { "_" };
-    values.iter().enumerate().map(|(index, value)| (format!("{name}{separator}{}", index + 1), *value)).collect()
+    values
+        .iter()
+        .enumerate()
+        .map(|(index, value)| (format!("{name}{separator}{}", index + 1), *value))
+        .collect()
 }
 
 fn json(data: &[u8]) -> Result<Content, MessageFault> {
     if data.len() > LONGEST_JSON {
-        return Err(format!("a JSON message of {} bytes, at most {LONGEST_JSON} are read", data.len()));
+        return Err(format!(
+            "a JSON message of {} bytes, at most {LONGEST_JSON} are read",
+            data.len()
+        ));
     }
-    let value: Value = serde_json::from_slice(data).map_err(|error| format!("not JSON: {error}"))?;
+    let value: Value =
+        serde_json::from_slice(data).map_err(|error| format!("not JSON: {error}"))?;
     let Value::Object(mut fields) = value else {
         let numbers = number(&value).map(|value| (String::new(), value));
         return Ok(Content { numbers: numbers.into_iter().collect(), ..Content::default() });
@@ -151,8 +165,10 @@ fn json(data: &[u8]) -> Result<Content, MessageFault> {
         Some(mut header) => stamp(&header["stamp"].take()),
         None => None,
     };
-    let stamp = stamp.or_else(|| take(&["t", "time", "timestamp", "stamp"]).as_ref().and_then(self::stamp));
-    let names = take(&["name", "names", "joint_names"]).and_then(|names| serde_json::from_value(names).ok());
+    let stamp =
+        stamp.or_else(|| take(&["t", "time", "timestamp", "stamp"]).as_ref().and_then(self::stamp));
+    let names = take(&["name", "names", "joint_names"])
+        .and_then(|names| serde_json::from_value(names).ok());
     let position = take(&["position", "positions", "q"]);
     let joints = match position.as_ref().map(array) {
         Some(Some(position)) => {
@@ -183,7 +199,8 @@ fn number(value: &Value) -> Option<f64> {
     value.as_f64().or_else(|| value.as_bool().map(f64::from))
 }
 
-/// A stamp: `{"sec": .., "nanosec": ..}`, or a number of seconds, or a large one of smaller units since 1970.
+/// A stamp: `{"sec": .., "nanosec": ..}`, or a number of seconds, or a large one of smaller units
+/// since 1970.
 fn stamp(value: &Value) -> Option<i64> {
     if let Some(seconds) = value["sec"].as_i64().or_else(|| value["secs"].as_i64()) {
         let parts = ["nanosec", "nsec", "nsecs"].into_iter();
@@ -199,9 +216,13 @@ fn stamp(value: &Value) -> Option<i64> {
 fn flatten(name: &str, value: &Value, numbers: &mut Vec<(String, f64)>) {
     match value {
         Value::Object(fields) => {
-            fields.iter().for_each(|(field, value)| flatten(&format!("{name}/{field}"), value, numbers));
+            fields
+                .iter()
+                .for_each(|(field, value)| flatten(&format!("{name}/{field}"), value, numbers));
         }
-        Value::Array(_) => numbers.extend(array(value).map(|values| numbered(name, &values)).unwrap_or_default()),
+        Value::Array(_) => {
+            numbers.extend(array(value).map(|values| numbered(name, &values)).unwrap_or_default())
+        }
         value => numbers.extend(number(value).map(|value| (name.to_string(), value))),
     }
 }
@@ -226,7 +247,10 @@ mod tests {
         assert_eq!(joints.position, [1.0, 2.5]);
         assert!(joints.velocity.is_empty());
         assert!(joints.effort[0] == 0.5 && joints.effort[1].is_nan());
-        assert_eq!(message.numbers, [("current_1".to_string(), 1.0), ("current_2".to_string(), 2.0)]);
+        assert_eq!(
+            message.numbers,
+            [("current_1".to_string(), 1.0), ("current_2".to_string(), 2.0)]
+        );
     }
 
     #[test]
@@ -239,10 +263,14 @@ mod tests {
 
     #[test]
     fn json_numbers() {
-        let message =
-            read(r#"{"timestamp": 1700000000123456789, "temperature": 41.2, "motor": {"on": true, "id": "x"}}"#);
+        let message = read(
+            r#"{"timestamp": 1700000000123456789, "temperature": 41.2, "motor": {"on": true, "id": "x"}}"#,
+        );
         assert_eq!(message.stamp, Some(1_700_000_000_123_456_789));
-        assert_eq!(message.numbers, [("motor/on".to_string(), 1.0), ("temperature".to_string(), 41.2)]);
+        assert_eq!(
+            message.numbers,
+            [("motor/on".to_string(), 1.0), ("temperature".to_string(), 41.2)]
+        );
         assert_eq!(read("3.5").numbers, [(String::new(), 3.5)]);
         assert_eq!(read("[1]"), Content::default());
     }
@@ -252,7 +280,10 @@ mod tests {
         let fault = |text: &str| content(MessageFormat::Json, text.as_bytes()).expect_err("broken");
         assert!(fault("{").starts_with("not JSON"));
         assert_eq!(fault(r#"{"name": ["a"], "position": [1, 2]}"#), "2 positions for 1 joint");
-        assert_eq!(fault(r#"{"name": ["a", "a"], "position": [1, 2]}"#), "the joint `a` occurs twice");
+        assert_eq!(
+            fault(r#"{"name": ["a", "a"], "position": [1, 2]}"#),
+            "the joint `a` occurs twice"
+        );
         assert_eq!(fault(r#"{"q": [1, 2], "tau": [1]}"#), "1 efforts for 2 joints");
     }
 }

@@ -1,31 +1,36 @@
 //! Logs in MCAP files: ROS 2 bags and logs of programs that write JSON.
 //!
 //! # What is understood
-//! - `sensor_msgs/msg/JointState` in CDR, either byte order; velocities and efforts may be missing. SI units, as ROS asks.
-//! - JSON messages: objects like a JointState (`{"header": {"stamp": {"sec": .., "nanosec": ..}}, "name": [..],
-//!   "position": [..], "velocity": [..], "effort": [..]}`) or without names (`{"t": .., "q": [..], "dq": [..],
-//!   "tau": [..]}`). Numbers are doubles: stamps finer than those belong into `sec` and `nanosec`.
+//! - `sensor_msgs/msg/JointState` in CDR, either byte order; velocities and efforts may be missing.
+//!   SI units, as ROS asks.
+//! - JSON messages: objects like a JointState
+//!   (`{"header": {"stamp": {"sec": .., "nanosec": ..}}, "name": [..], "position": [..], "velocity": [..], "effort": [..]}`)
+//!   or without names (`{"t": .., "q": [..], "dq": [..], "tau": [..]}`). Numbers are doubles:
+//!   stamps finer than those belong into `sec` and `nanosec`.
 //! - Other numbers become channels: `std_msgs/msg/Float64` (`Float32`, `Float64MultiArray`),
 //!   `sensor_msgs/msg/Temperature`, and every numeric field of JSON messages (`topic/field`).
 //!
 //! Other topics are skipped and listed in [`Recording::notes`](super::Recording::notes).
 //!
 //! # Joints
-//! Each joint is found by name, wherever it stands in a message. Joints on several topics, or in messages of one topic
-//! that take turns (an arm and its gripper), are merged: the samples are those of the topic with the most messages; the
-//! other joints are interpolated linearly between their messages, which changes nothing where stamps are equal. Samples for
-//! which a joint has no message on both sides within five of its median steps are left out. If several topics carry the
-//! same joint, the caller chooses with [`McapOptions::topics`]; the others become channels `topic/joint/position`.
+//! Each joint is found by name, wherever it stands in a message. Joints on several topics, or in
+//! messages of one topic that take turns (an arm and its gripper), are merged: the samples are
+//! those of the topic with the most messages; the other joints are interpolated linearly between
+//! their messages, which changes nothing where stamps are equal. Samples for which a joint has no
+//! message on both sides within five of its median steps are left out. If several topics carry the
+//! same joint, the caller chooses with [`McapOptions::topics`]; the others become channels
+//! `topic/joint/position`.
 //!
 //! Channels have at each sample the last value received; NaN before the first.
 //!
 //! # Time
-//! The stamps in the message headers, or if those of a topic are all zero the log times; or always the log times. Samples are in
-//! the order of their log times.
+//! The stamps in the message headers, or if those of a topic are all zero the log times; or always
+//! the log times. Samples are in the order of their log times.
 //!
 //! # Damaged files
-//! A truncated or damaged file is an error that says where, or with [`McapOptions::recover`] a note: then all messages
-//! that are intact are read. Checksums of chunks and of the data section are verified where the file has them.
+//! A truncated or damaged file is an error that says where, or with [`McapOptions::recover`] a
+//! note: then all messages that are intact are read. Checksums of chunks and of the data section
+//! are verified where the file has them.
 
 mod assemble;
 mod bytes;
@@ -53,7 +58,8 @@ use scan::Damage;
 #[setters(prefix = "with_")]
 #[non_exhaustive]
 pub struct McapOptions {
-    /// Joints wanted, in order, e.g. those of the robot. `None`: all that are logged, in order of appearance.
+    /// Joints wanted, in order, e.g. those of the robot. `None`: all that are logged, in order of
+    /// appearance.
     pub joints: Option<Vec<String>>,
     /// Names of the wanted joints in the log, if they differ from `joints`; in the same order.
     pub logged_names: Option<Vec<String>>,
@@ -63,7 +69,8 @@ pub struct McapOptions {
     pub clock: Clock,
     /// Whether to take what is intact of a truncated or damaged file.
     pub recover: bool,
-    /// Largest amount of unpacked data, and of numbers made of it, in bytes. A log beyond it is an error.
+    /// Largest amount of unpacked data, and of numbers made of it, in bytes. A log beyond it is an
+    /// error.
     pub limit_bytes: u64,
 }
 
@@ -103,8 +110,9 @@ pub enum Clock {
 /// Memory: about three times `limit_bytes` at most; in practice the numbers and one chunk.
 ///
 /// # Errors
-/// If the file is unreadable, of another kind, truncated, damaged or too large; if a message does not follow its schema;
-/// if there are no joint states, not the wanted joints or topics, or several topics carry one joint.
+/// If the file is unreadable, of another kind, truncated, damaged or too large; if a message does
+/// not follow its schema; if there are no joint states, not the wanted joints or topics, or several
+/// topics carry one joint.
 ///
 /// # Examples
 /// ```no_run
@@ -119,13 +127,16 @@ pub fn read(path: impl AsRef<Path>, options: &McapOptions) -> Result<Recording, 
     let name = path.display().to_string();
     check(&name, options)?;
     let mut collector = collect::Collector::new(&name, options);
-    let scan = scan::scan(path, options.limit_bytes, options.recover, |message| collector.take(message))?;
+    let scan =
+        scan::scan(path, options.limit_bytes, options.recover, |message| collector.take(message))?;
     if let Some(damage) = scan.damage {
         let error = damage_error(&name, damage, scan.messages);
         if !options.recover {
             return Err(error);
         }
-        collector.notes.push(format!("recovered {} messages from a damaged file ({error})", scan.messages));
+        collector
+            .notes
+            .push(format!("recovered {} messages from a damaged file ({error})", scan.messages));
     }
     collector.finish();
     assemble::assemble(&name, &scan.topics, collector, options)

@@ -46,8 +46,8 @@ pub(super) struct Scan {
     pub(super) damage: Option<Damage>,
 }
 
-/// Hands each message of the file to `take`. Stops at the first damage unless `recover`; then what follows is read too,
-/// as far as it can be told apart.
+/// Hands each message of the file to `take`. Stops at the first damage unless `recover`; then what
+/// follows is read too, as far as it can be told apart.
 ///
 /// Memory: one record of the file and, unpacked, one chunk, each at most `limit` bytes.
 pub(super) fn scan(
@@ -107,8 +107,8 @@ struct MessageReader<'a, F> {
 }
 
 impl<F: FnMut(Message) -> Result<(), RecordingError>> MessageReader<'_, F> {
-    /// Reads schemas and channels outside of chunks, as the summary at the end of the file repeats them: the chunk that
-    /// holds the first ones may be lost.
+    /// Reads schemas and channels outside of chunks, as the summary at the end of the file repeats
+    /// them: the chunk that holds the first ones may be lost.
     fn read_definitions(&mut self, mut file: RecordFile) -> Result<(), RecordingError> {
         loop {
             match file.next(self.path, self.limit)? {
@@ -128,10 +128,18 @@ impl<F: FnMut(Message) -> Result<(), RecordingError>> MessageReader<'_, F> {
     }
 
     /// A record that begins at `byte` of the file; the file ends inside it if not `whole`.
-    fn record(&mut self, opcode: u8, body: &[u8], byte: u64, whole: bool) -> Result<(), RecordingError> {
+    fn record(
+        &mut self,
+        opcode: u8,
+        body: &[u8],
+        byte: u64,
+        whole: bool,
+    ) -> Result<(), RecordingError> {
         match opcode {
             op::CHUNK => self.chunk(body, byte, whole),
-            op::SCHEMA | op::CHANNEL | op::MESSAGE if whole => self.small_record(opcode, body, byte),
+            op::SCHEMA | op::CHANNEL | op::MESSAGE if whole => {
+                self.small_record(opcode, body, byte)
+            }
             _ => Ok(()),
         }
     }
@@ -156,10 +164,12 @@ impl<F: FnMut(Message) -> Result<(), RecordingError>> MessageReader<'_, F> {
     }
 
     fn channel(&mut self, mut bytes: Bytes) -> Result<(), MessageFault> {
-        let (id, schema, name, encoding) = (bytes.u16()?, bytes.u16()?, bytes.text()?, bytes.text()?);
+        let (id, schema, name, encoding) =
+            (bytes.u16()?, bytes.u16()?, bytes.text()?, bytes.text()?);
         if !self.topics.contains_key(&id) {
             let schema = self.schemas.get(&schema).cloned().unwrap_or_default();
-            let topic = Rc::new(Topic { name: name.into_owned(), encoding: encoding.into_owned(), schema });
+            let topic =
+                Rc::new(Topic { name: name.into_owned(), encoding: encoding.into_owned(), schema });
             self.topics.insert(id, topic.clone());
             self.listed.push(topic);
         }
@@ -213,23 +223,34 @@ impl<F: FnMut(Message) -> Result<(), RecordingError>> MessageReader<'_, F> {
             let (found, stored) = (checksum.sum(), chunk.checksum);
             if found != stored {
                 // Any of its messages may be the wrong one: all are left out.
-                self.corrupt(byte, format!("checksum of the chunk {found:08x}, the file says {stored:08x}"));
+                self.corrupt(
+                    byte,
+                    format!("checksum of the chunk {found:08x}, the file says {stored:08x}"),
+                );
                 return Ok(());
             }
         }
         self.records_of_chunk(&records, byte, whole)
     }
 
-    fn records_of_chunk(&mut self, records: &[u8], byte: u64, whole: bool) -> Result<(), RecordingError> {
+    fn records_of_chunk(
+        &mut self,
+        records: &[u8],
+        byte: u64,
+        whole: bool,
+    ) -> Result<(), RecordingError> {
         let mut bytes = Bytes::new(records, true);
         while bytes.left() > 0 {
             let record = (|| {
                 let opcode = bytes.take(1)?[0];
-                let length = usize::try_from(bytes.u64()?).map_err(|_| MessageFault::from("a record without end"))?;
+                let length = usize::try_from(bytes.u64()?)
+                    .map_err(|_| MessageFault::from("a record without end"))?;
                 Ok::<_, MessageFault>((opcode, bytes.take(length)?))
             })();
             match record {
-                Ok((opcode, body)) if opcode != op::CHUNK => self.record(opcode, body, byte, true)?,
+                Ok((opcode, body)) if opcode != op::CHUNK => {
+                    self.record(opcode, body, byte, true)?
+                }
                 Ok(_) => self.corrupt(byte, "a chunk inside a chunk".into()),
                 Err(cause) => {
                     if whole {

@@ -25,9 +25,10 @@ int32 sec
 uint32 nanosec
 ";
 
-/// Writes recordings as an MCAP file of profile `ros2`, packed with zstd: one topic with `sensor_msgs/msg/JointState`
-/// messages for each (topic, recording), e.g. measured, predicted and residual torques. Foxglove, PlotJuggler and ROS 2
-/// read it. An existing file is replaced only by the whole new one.
+/// Writes recordings as an MCAP file of profile `ros2`, packed with zstd: one topic with
+/// `sensor_msgs/msg/JointState` messages for each (topic, recording), e.g. measured, predicted and
+/// residual torques. Foxglove, PlotJuggler and ROS 2 read it. An existing file is replaced only by
+/// the whole new one.
 ///
 /// Stamp and log time of a message are the time of the sample. Channels are not written.
 ///
@@ -45,7 +46,10 @@ uint32 nanosec
 pub fn write(path: impl AsRef<Path>, topics: &[(&str, &Recording)]) -> Result<(), RecordingError> {
     for (_, recording) in topics {
         if let Some(&nanoseconds) = recording.time().iter().find(|&&time| stamp(time).is_none()) {
-            return Err(RecordingError::StampRange { recording: recording.source().into(), nanoseconds });
+            return Err(RecordingError::StampRange {
+                recording: recording.source().into(),
+                nanoseconds,
+            });
         }
     }
     write_file(path.as_ref(), |file| write_messages(file, topics).map_err(io_error))
@@ -58,10 +62,15 @@ pub(super) fn io_error(error: McapError) -> io::Error {
     }
 }
 
-fn write_messages(file: impl io::Write + io::Seek, topics: &[(&str, &Recording)]) -> Result<(), McapError> {
-    let options = WriteOptions::new().profile("ros2").library(concat!("sgpr ", env!("CARGO_PKG_VERSION")));
+fn write_messages(
+    file: impl io::Write + io::Seek,
+    topics: &[(&str, &Recording)],
+) -> Result<(), McapError> {
+    let options =
+        WriteOptions::new().profile("ros2").library(concat!("sgpr ", env!("CARGO_PKG_VERSION")));
     let mut file = options.compression(Some(Compression::Zstd)).create(file)?;
-    let schema = file.add_schema("sensor_msgs/msg/JointState", "ros2msg", JOINT_STATE.as_bytes())?;
+    let schema =
+        file.add_schema("sensor_msgs/msg/JointState", "ros2msg", JOINT_STATE.as_bytes())?;
     let mut channels = Vec::with_capacity(topics.len());
     for (topic, _) in topics {
         channels.push(file.add_channel(schema, topic, "cdr", &BTreeMap::new())?);
@@ -77,7 +86,12 @@ fn write_messages(file: impl io::Write + io::Seek, topics: &[(&str, &Recording)]
     for (time, topic, sample) in order {
         let log_time = time.unsigned_abs();
         let sequence = u32::try_from(sample).unwrap_or(u32::MAX);
-        let header = MessageHeader { channel_id: channels[topic], sequence, log_time, publish_time: log_time };
+        let header = MessageHeader {
+            channel_id: channels[topic],
+            sequence,
+            log_time,
+            publish_time: log_time,
+        };
         file.write_to_known_channel(&header, &joint_state(topics[topic].1, sample))?;
     }
     file.finish().map(drop)
@@ -92,7 +106,9 @@ pub(super) fn stamp(time: i64) -> Option<(u32, u32)> {
 
 fn joint_state(recording: &Recording, sample: usize) -> Vec<u8> {
     let n = recording.dof();
-    let row = |values: Option<&'_ [f64]>| values.map_or(vec![], |values| values[sample * n..(sample + 1) * n].to_vec());
+    let row = |values: Option<&'_ [f64]>| {
+        values.map_or(vec![], |values| values[sample * n..(sample + 1) * n].to_vec())
+    };
     let (seconds, nanoseconds) = stamp(recording.time()[sample]).expect("checked before writing");
     let mut message = CdrWriter::new();
     message.u32(seconds);

@@ -43,7 +43,10 @@ fn words_of_other_languages() {
 fn a_log_that_is_not_understood_names_its_patterns() {
     let text = "t,lage 1 (rad),lage 2 (rad),k2_a_1,k2_a_2,x\n0,1,2,3,4,5\n";
     let said = csv_error(text);
-    assert!(said.contains("as a pattern (`lage {} (rad)`, `k2_a_{}`, where {} is the number"), "{said}");
+    assert!(
+        said.contains("as a pattern (`lage {} (rad)`, `k2_a_{}`, where {} is the number"),
+        "{said}"
+    );
 }
 
 #[test]
@@ -70,7 +73,9 @@ fn one_joint_without_number() {
 
 #[test]
 fn units_in_the_header_are_converted() {
-    let log = read_csv("time_ms,q1_deg,q2_mm,dq1_rpm,dq2_mm_s,tau1_mNm,tau2_kN\n1500,180,250,60,10,500,2\n");
+    let log = read_csv(
+        "time_ms,q1_deg,q2_mm,dq1_rpm,dq2_mm_s,tau1_mNm,tau2_kN\n1500,180,250,60,10,500,2\n",
+    );
     assert_eq!(log.time(), [1_500_000_000]);
     assert_close(log.position(), &[std::f64::consts::PI, 0.25], 1e-15);
     assert_close(log.velocity().expect("logged"), &[std::f64::consts::TAU, 0.01], 1e-15);
@@ -85,7 +90,8 @@ fn units_of_the_caller_overrule() {
         .with_velocity(Some(VelocityUnit::DegreePerSecond))
         .with_torque(Some(TorqueUnit::MillinewtonMetre));
     let options = ReadOptions::default().with_units(units);
-    let log = read_csv_with("t_s,q_1,dq1_rad_s,tau_1\n1000,180,90,500\n", &options).expect("readable");
+    let log =
+        read_csv_with("t_s,q_1,dq1_rad_s,tau_1\n1000,180,90,500\n", &options).expect("readable");
     assert_eq!(log.time(), [1_000_000]);
     assert_close(log.position(), &[std::f64::consts::PI], 1e-15);
     assert_close(log.velocity().expect("logged"), &[std::f64::consts::FRAC_PI_2], 1e-15);
@@ -100,10 +106,16 @@ fn currents_become_torques_with_constants() {
     assert!(log.channels().is_empty());
 
     let text = "t,q1,q2,tau1,tau2\n0,0,0,1,1\n";
-    assert!(message(read_csv_with(text, &options)).starts_with("log.csv: no torque column for `joint_1`, `joint_2`"));
+    assert!(
+        message(read_csv_with(text, &options))
+            .starts_with("log.csv: no torque column for `joint_1`, `joint_2`")
+    );
     let wrong = ReadOptions::default().with_torque_constants(Some(vec![10.0]));
     let error = message(read_csv_with(text, &wrong));
-    assert_eq!(error, "torque_constants: got 1 value for 2 joints: give one for each, in joint order");
+    assert_eq!(
+        error,
+        "torque_constants: got 1 value for 2 joints: give one for each, in joint order"
+    );
     let wrong = ReadOptions::default().with_torque_constants(Some(vec![10.0, f64::NAN]));
     assert!(message(read_csv_with(text, &wrong)).starts_with("torque_constants = NaN"));
 }
@@ -114,7 +126,10 @@ fn joints_by_name() {
     let text = "time,shoulder_pan_joint_position,elbow_joint_position,gripper_position,shoulder_pan_joint_velocity,\
                 elbow_joint_velocity\n0,1,2,9,3,4\n";
     let log = read_csv_with(text, &options).expect("readable");
-    assert_eq!((log.position(), log.velocity().expect("logged")), (&[2.0, 1.0][..], &[4.0, 3.0][..]));
+    assert_eq!(
+        (log.position(), log.velocity().expect("logged")),
+        (&[2.0, 1.0][..], &[4.0, 3.0][..])
+    );
     assert_eq!(log.channel("gripper_position").expect("kept").values, [9.0]);
 }
 
@@ -143,29 +158,40 @@ fn joints_by_number_in_order_are_confirmed() {
     let text = "t,q1,q2,q3\n0,1,2,3\n";
     assert_eq!(
         message(read_csv_with(text, &wanting(&joints))),
-        "log.csv: no name tells which of the joints `shoulder_pan_joint`, `elbow_joint` is which of the columns `q1`, \
-         `q2`, `q3`: if the columns are numbered in the order of the joints, confirm it with \
-         `accept=[\"joints_by_order\"]`; else name them with `columns.position`"
+        "log.csv: no name tells which of the joints `shoulder_pan_joint`, `elbow_joint` is which \
+         of the columns `q1`, `q2`, `q3`: if the columns are numbered in the order of the joints, \
+         confirm it with `accept=[\"joints_by_order\"]`; else name them with `columns.position`"
     );
     let log = read_csv_with(text, &wanting_in_order(&joints)).expect("readable");
     assert_eq!(log.position(), [1.0, 2.0]);
     assert_eq!(log.joint_names(), ["shoulder_pan_joint", "elbow_joint"]);
-    assert_eq!(log.notes(), ["joints by number: `shoulder_pan_joint`, `elbow_joint` are the columns `q1`, `q2`"]);
+    assert_eq!(
+        log.notes(),
+        ["joints by number: `shoulder_pan_joint`, `elbow_joint` are the columns `q1`, `q2`"]
+    );
     assert_eq!(log.channel("q3").expect("kept").values, [3.0]);
     assert!(log.layout().expect("of a table").by_order);
     // A pattern of the caller numbers the joints, too.
     let columns = ColumnMap::default().with_torque(pattern("i{}"));
-    let options = wanting(&["shoulder", "elbow"]).with_columns(columns).with_torque_constants(Some(vec![10.0, 100.0]));
+    let options = wanting(&["shoulder", "elbow"])
+        .with_columns(columns)
+        .with_torque_constants(Some(vec![10.0, 100.0]));
     let log = read_csv_with("t,q1,q2,i1,i2\n0,1,2,3,4\n", &options).expect("readable");
-    assert_eq!((log.position(), log.torque().expect("computed")), (&[1.0, 2.0][..], &[30.0, 400.0][..]));
+    assert_eq!(
+        (log.position(), log.torque().expect("computed")),
+        (&[1.0, 2.0][..], &[30.0, 400.0][..])
+    );
 }
 
 #[test]
 fn numbers_of_all_quantities_agree() {
     // The third joint slides; its force has another name.
     let text = "t,q1,q2,q3,q4,tau1,tau2,f3,tau4\n0,1,2,3,4,10,20,30,40\n";
-    for options in [ReadOptions::default(), wanting_in_order(&["a", "b", "c", "d"]), wanting(&["j1", "j2", "j3", "j4"])]
-    {
+    for options in [
+        ReadOptions::default(),
+        wanting_in_order(&["a", "b", "c", "d"]),
+        wanting(&["j1", "j2", "j3", "j4"]),
+    ] {
         let error = message(read_csv_with(text, &options));
         assert!(error.starts_with("log.csv: no torque column for"), "{error}");
     }
@@ -181,8 +207,8 @@ fn numbers_of_all_quantities_agree() {
     for options in [ReadOptions::default(), wanting(&["j1", "j2"])] {
         assert_eq!(
             message(read_csv_with(text, &options)),
-            "log.csv: the torque columns `tau0`, `tau1` are numbered otherwise than the position columns `q1`, `q2`: say \
-             which belong to which joint with `columns.torque`"
+            "log.csv: the torque columns `tau0`, `tau1` are numbered otherwise than the position \
+             columns `q1`, `q2`: say which belong to which joint with `columns.torque`"
         );
     }
 }
@@ -208,7 +234,8 @@ fn a_unit_counts_whatever_else_the_name_says() {
     let options = ReadOptions::default().with_columns(columns);
     assert_eq!(
         message(read_csv_with("t,A1 [inc]\n0,4096\n", &options)),
-        "log.csv: column `A1 [inc]`: `inc` is no known unit of position: give the unit with `units.position`"
+        "log.csv: column `A1 [inc]`: `inc` is no known unit of position: give the unit with \
+         `units.position`"
     );
 }
 
@@ -219,13 +246,20 @@ fn currents_are_no_torques() {
     let text = "t,q1,drive1_cur_A\n0,1,2\n";
     assert_eq!(
         message(read_csv_with(text, &options)),
-        "log.csv: the columns `drive1_cur_A` hold motor currents in A, not torques: give `torque_constants`, N·m per A; \
-         or, if they are torques, their unit with `units.torque`"
+        "log.csv: the columns `drive1_cur_A` hold motor currents in A, not torques: give \
+         `torque_constants`, N·m per A; or, if they are torques, their unit with `units.torque`"
     );
     let units = Units::default().with_torque(Some(TorqueUnit::NewtonMetre));
-    assert_eq!(read_csv_with(text, &options.with_units(units)).expect("told").torque(), Some(&[2.0][..]));
+    assert_eq!(
+        read_csv_with(text, &options.with_units(units)).expect("told").torque(),
+        Some(&[2.0][..])
+    );
     let log = read_csv("t,q1,i1_A\n0,1,2\n");
-    assert!(log.notes()[0].starts_with("there is no torque, but motor currents (`i1_A`): give `torque_constants`"));
+    assert!(
+        log.notes()[0].starts_with(
+            "there is no torque, but motor currents (`i1_A`): give `torque_constants`"
+        )
+    );
 }
 
 #[test]
@@ -235,8 +269,9 @@ fn torque_constants_by_name() {
     let error = message(read_csv_with(text, &listed));
     assert_eq!(
         error,
-        "log.csv: torque constants come in the order of the robot's joints, but only the log tells the joints here \
-         (`wrist`, `elbow`): name the joints in order with `joints`, or the joint of each constant (wrist=...)"
+        "log.csv: torque constants come in the order of the robot's joints, but only the log tells \
+         the joints here (`wrist`, `elbow`): name the joints in order with `joints`, or the joint \
+         of each constant (wrist=...)"
     );
     let constants = vec![("elbow".into(), 3.0), ("wrist".into(), 5.0)];
     let named = ReadOptions::default().with_named_torque_constants(constants);
@@ -248,18 +283,26 @@ fn torque_constants_by_name() {
     assert_eq!(log.torque(), Some(&[60.0, 50.0][..]));
     assert_eq!(
         log.layout().expect("of a table").to_string(),
-        "elbow = elbow_position, elbow_current * 3; wrist = wrist_position, wrist_current * 5; position in rad (m) \
-         (assumed), torque in A times the torque constant (assumed); time t in s (assumed)"
+        "elbow = elbow_position, elbow_current * 3; wrist = wrist_position, wrist_current * 5; \
+         position in rad (m) (assumed), torque in A times the torque constant (assumed); time t in \
+         s (assumed)"
     );
     let lacking = ReadOptions::default().with_named_torque_constants(vec![("elbw".into(), 3.0)]);
-    assert!(message(read_csv_with(text, &lacking)).contains("there is no joint `elbw` (did you mean `elbow`?)"));
+    assert!(
+        message(read_csv_with(text, &lacking))
+            .contains("there is no joint `elbw` (did you mean `elbow`?)")
+    );
     let lacking = ReadOptions::default().with_named_torque_constants(vec![("elbow".into(), 3.0)]);
-    assert_eq!(message(read_csv_with(text, &lacking)), "log.csv: there is no torque constant for joint `wrist`");
+    assert_eq!(
+        message(read_csv_with(text, &lacking)),
+        "log.csv: there is no torque constant for joint `wrist`"
+    );
 }
 
 #[test]
 fn joints_by_the_number_in_their_name() {
-    let log = read_csv_with("t,q1,q2,q3\n0,1,2,3\n", &wanting(&["panda_joint3", "panda_joint2"])).expect("readable");
+    let log = read_csv_with("t,q1,q2,q3\n0,1,2,3\n", &wanting(&["panda_joint3", "panda_joint2"]))
+        .expect("readable");
     assert_eq!(log.position(), [3.0, 2.0]);
 }
 
@@ -271,8 +314,8 @@ fn numbers_from_zero() {
     let error = message(read_csv_with(text, &wanting(&["joint_1"])));
     assert_eq!(
         error,
-        "log.csv: the columns `actual_q_0`, `actual_q_1` count joints from 0 and there are more of them than the joints \
-         `joint_1`: say which are meant with `columns.position`"
+        "log.csv: the columns `actual_q_0`, `actual_q_1` count joints from 0 and there are more of \
+         them than the joints `joint_1`: say which are meant with `columns.position`"
     );
 }
 
@@ -294,7 +337,8 @@ fn columns_named_by_the_caller() {
 
 #[test]
 fn a_pattern_tells_the_number_of_joints() {
-    let columns = ColumnMap::default().with_position(pattern("enc{}")).with_torque(pattern("load{}"));
+    let columns =
+        ColumnMap::default().with_position(pattern("enc{}")).with_torque(pattern("load{}"));
     let options = ReadOptions::default().with_columns(columns);
     let log = read_csv_with("t,enc1,enc2,load1,load2\n0,1,2,3,4\n", &options).expect("readable");
     assert_eq!((log.dof(), log.torque().expect("named")), (2, &[3.0, 4.0][..]));
@@ -306,7 +350,8 @@ fn a_named_column_that_is_not_there() {
     let options = ReadOptions::default().with_columns(columns);
     assert_eq!(
         message(read_csv_with("t,q1,I1_A\n0,1,2\n", &options)),
-        "log.csv: there is no column `i1_A` (did you mean `I1_A`?); the columns are `t`, `q1`, `I1_A`"
+        "log.csv: there is no column `i1_A` (did you mean `I1_A`?); the columns are `t`, `q1`, \
+         `I1_A`"
     );
 }
 
@@ -315,14 +360,18 @@ fn a_pattern_for_several_joints_varies() {
     let columns = ColumnMap::default().with_position(pattern("enc"));
     let options = wanting(&["a", "b"]).with_columns(columns);
     let error = message(read_csv_with("t,enc\n0,1\n", &options));
-    assert!(error.contains("columns.position = enc: a pattern for several joints holds {}"), "{error}");
+    assert!(
+        error.contains("columns.position = enc: a pattern for several joints holds {}"),
+        "{error}"
+    );
 }
 
 #[test]
 fn several_columns_for_one_joint() {
     assert_eq!(
         csv_error("t,q1_rad,q1_deg\n0,1,57\n"),
-        "log.csv: the position of joint `joint_1` could be any of `q1_rad`, `q1_deg`: say which with `columns.position`"
+        "log.csv: the position of joint `joint_1` could be any of `q1_rad`, `q1_deg`: say which \
+         with `columns.position`"
     );
 }
 
@@ -330,7 +379,9 @@ fn several_columns_for_one_joint() {
 fn a_joint_without_column() {
     let error = csv_error("t,q1,q2,tau1\n0,1,2,3\n");
     assert!(
-        error.starts_with("log.csv: no torque column for `joint_2`; the columns are `t`, `q1`, `q2`, `tau1`;"),
+        error.starts_with(
+            "log.csv: no torque column for `joint_2`; the columns are `t`, `q1`, `q2`, `tau1`;"
+        ),
         "{error}"
     );
     let error = message(read_csv_with("t,a_position\n0,1\n", &wanting(&["a", "b"])));
@@ -339,17 +390,26 @@ fn a_joint_without_column() {
     assert!(error.starts_with("log.csv: no position column for `b`"), "{error}");
     // A gap in the numbers is the joint without column, whatever the joints are called.
     let gap = "t,q_1,q_3\n0,1,3\n";
-    for (joints, missing) in [(["joint_1", "joint_2", "joint_3"], "joint_2"), (["a", "b", "c"], "b")] {
+    for (joints, missing) in
+        [(["joint_1", "joint_2", "joint_3"], "joint_2"), (["a", "b", "c"], "b")]
+    {
         let error = message(read_csv_with(gap, &wanting(&joints)));
-        assert!(error.starts_with(&format!("log.csv: no position column for `{missing}`;")), "{error}");
+        assert!(
+            error.starts_with(&format!("log.csv: no position column for `{missing}`;")),
+            "{error}"
+        );
     }
     // Positions and torques that are counted in ways that no joint tells.
     let error = message(read_csv_with("t,q_4,q_9\n0,1,3\n", &wanting(&["a", "b", "c"])));
-    assert!(error.starts_with("log.csv: got 2 columns of position (`q_4`, `q_9`) for 3 joints (`a`, `b`, `c`): say"));
+    assert!(error.starts_with(
+        "log.csv: got 2 columns of position (`q_4`, `q_9`) for 3 joints (`a`, `b`, `c`): say"
+    ));
     let columns = ColumnMap::default().with_position(Some(Columns::Names(names(&["x", "y"]))));
     let options = ReadOptions::default().with_columns(columns);
     let error = message(read_csv_with("t,x,y,tau_3,tau_4\n0,1,2,3,4\n", &options));
-    assert!(error.contains("no name tells which of the joints `joint_1`, `joint_2` is which of the columns `tau_3`"));
+    assert!(error.contains(
+        "no name tells which of the joints `joint_1`, `joint_2` is which of the columns `tau_3`"
+    ));
     let log = read_csv_with("t,q1\n0,1\n", &wanting(&["a"])).expect("one joint, one column");
     assert!(!log.layout().expect("of a table").by_order);
 }
@@ -357,7 +417,10 @@ fn a_joint_without_column() {
 #[test]
 fn no_positions_at_all() {
     let error = csv_error("t,x,y\n0,1,2\n");
-    assert!(error.starts_with("log.csv: no joint positions among the columns `t`, `x`, `y`; say which"), "{error}");
+    assert!(
+        error.starts_with("log.csv: no joint positions among the columns `t`, `x`, `y`; say which"),
+        "{error}"
+    );
 }
 
 #[test]
@@ -365,15 +428,18 @@ fn joints_of_other_names_are_told() {
     let text = "t,axis_a_position,axis_b_position\n0,1,2\n";
     assert_eq!(
         message(read_csv_with(text, &wanting(&["shoulder", "elbow"]))),
-        "log.csv: the log has the joints `axis_a`, `axis_b`, not `shoulder`, `elbow`: name its columns in the order of the \
-         robot with `columns.position`, such as position=axis_a_position,axis_b_position, and those of velocity and torque \
-         alike"
+        "log.csv: the log has the joints `axis_a`, `axis_b`, not `shoulder`, `elbow`: name its \
+         columns in the order of the robot with `columns.position`, such as \
+         position=axis_a_position,axis_b_position, and those of velocity and torque alike"
     );
 }
 
 #[test]
 fn wanted_joints_must_be_distinct() {
-    assert!(message(read_csv_with("t,q1\n0,1\n", &wanting(&["a", "a"]))).contains("the joint `a` occurs twice"));
+    assert!(
+        message(read_csv_with("t,q1\n0,1\n", &wanting(&["a", "a"])))
+            .contains("the joint `a` occurs twice")
+    );
     assert!(message(read_csv_with("t,q1\n0,1\n", &wanting(&[]))).contains("at least one joint"));
 }
 

@@ -41,8 +41,8 @@ fn a_log_without_time() {
     let error = csv_error("q1,q2\n0,1\n");
     assert_eq!(
         error,
-        "log.csv: no time column among `q1`, `q2`; name it with `columns.time`, or give `sample_rate_hz` for a log of \
-         constant rate"
+        "log.csv: no time column among `q1`, `q2`; name it with `columns.time`, or give \
+         `sample_rate_hz` for a log of constant rate"
     );
     let options = ReadOptions::default().with_sample_rate_hz(Some(300.0));
     let log = read_csv_with("q1\n0\n1\n2\n3\n", &options).expect("readable");
@@ -62,23 +62,37 @@ fn a_log_without_time() {
 fn what_other_programs_write_is_named() {
     // A value that a spreadsheet lacks is no comment.
     let lacking = csv_error("t,q1\n0,1\n#N/A,\n1,1\n");
-    assert!(lacking.starts_with("log.csv:3: column `t`: `#N/A` is not a time in s (a spreadsheet has no value"));
+    assert!(lacking.starts_with(
+        "log.csv:3: column `t`: `#N/A` is not a time in s (a spreadsheet has no value"
+    ));
     let lacking = csv_error("t,q1\n0,1\n1,#DIV/0!\n");
-    assert!(lacking.starts_with("log.csv:3: column `q1`: `#DIV/0!` is not a number (a spreadsheet has no value"));
+    assert!(lacking.starts_with(
+        "log.csv:3: column `q1`: `#DIV/0!` is not a number (a spreadsheet has no value"
+    ));
     assert_eq!(read_csv("t,q1\n0,1\n# N/A\n#note,2\n1,1\n").len(), 2);
     let thousands = " (it has a separator of thousands: export the numbers without)";
-    for (text, line) in [("t;q1\n0;1.234,5\n", "1.234,5"), ("t,q1\n0,\"-1'234'567.8\"\n", "-1'234'567.8")] {
+    for (text, line) in
+        [("t;q1\n0;1.234,5\n", "1.234,5"), ("t,q1\n0,\"-1'234'567.8\"\n", "-1'234'567.8")]
+    {
         let error = csv_error(text);
         assert_eq!(error, format!("log.csv:2: column `q1`: `{line}` is not a number{thousands}"));
     }
     assert!(csv_error("t;q1\n10.000,5;1\n").ends_with("thousands: export the numbers without)"));
-    assert!(csv_error("<!DOCTYPE HTML><p>Sign in</p>").contains("this is a web page, not CSV: download the file"));
+    assert!(
+        csv_error("<!DOCTYPE HTML><p>Sign in</p>")
+            .contains("this is a web page, not CSV: download the file")
+    );
     assert!(csv_error("\n<?xml version=\"1.0\"?>").contains("this is an XML file, not CSV"));
 }
 
 #[test]
 fn all_separators() {
-    for text in ["t,q1,q2\n0,1.5,2\n", "t;q1;q2\n0;1,5;2\n", "t\tq1\tq2\n0\t1,5\t2\n", "t  q1 q2\n 0   1.5  2 \n"] {
+    for text in [
+        "t,q1,q2\n0,1.5,2\n",
+        "t;q1;q2\n0;1,5;2\n",
+        "t\tq1\tq2\n0\t1,5\t2\n",
+        "t  q1 q2\n 0   1.5  2 \n",
+    ] {
         assert_eq!(read_csv(text).position(), [1.5, 2.0], "{text}");
     }
 }
@@ -118,16 +132,28 @@ fn text_columns_are_skipped_with_a_note() {
 #[test]
 fn text_among_numbers() {
     assert_eq!(csv_error("t,q1\n0,1\n1,abc\n"), "log.csv:3: column `q1`: `abc` is not a number");
-    assert_eq!(csv_error("t,q1,x\n0,1,2\n\n1,1,abc\n"), "log.csv:4: column `x`: `abc` is not a number");
+    assert_eq!(
+        csv_error("t,q1,x\n0,1,2\n\n1,1,abc\n"),
+        "log.csv:4: column `x`: `abc` is not a number"
+    );
     let error = csv_error("t,q1\nnow,1\n");
     assert!(error.starts_with("log.csv:2: column `t`: `now` is not a time in s"), "{error}");
     assert_eq!(csv_error("t,q1\n,1\n"), "log.csv:2: column `t`: `` is not a time in s");
-    let again = "(the names of the columns come again here, as where logs were put together: read the parts one by one, `rows`)";
-    assert_eq!(csv_error("t,q1\n0,1\nt,q1\n0,1\n"), format!("log.csv:3: column `t`: `t` is not a time in s {again}"));
-    assert_eq!(csv_error("t,q1\n0,1\n1,q1\n"), format!("log.csv:3: column `q1`: `q1` is not a number {again}"));
+    let again = "(the names of the columns come again here, as where logs were put together: read \
+         the parts one by one, `rows`)";
+    assert_eq!(
+        csv_error("t,q1\n0,1\nt,q1\n0,1\n"),
+        format!("log.csv:3: column `t`: `t` is not a time in s {again}")
+    );
+    assert_eq!(
+        csv_error("t,q1\n0,1\n1,q1\n"),
+        format!("log.csv:3: column `q1`: `q1` is not a number {again}")
+    );
     let error = csv_error("t,q1\ns,rad\nx,1\n");
     assert!(
-        error.starts_with("log.csv:3: column `t`: `x` is not a time in s (times are numbers, ISO 8601 "),
+        error.starts_with(
+            "log.csv:3: column `t`: `x` is not a time in s (times are numbers, ISO 8601 "
+        ),
         "{error}"
     );
 }
@@ -150,11 +176,21 @@ fn titles_above_the_names() {
     let error = csv_error("title\nx,y\n0,1\n");
     assert!(error.starts_with("log.csv: no time column among `x`, `y`"), "{error}");
     let error = csv_error("Cell 4;;\nUhr;A1 Ist;A2 Ist\ns;grad;grad\n0;1,5;2,5\n");
-    assert!(error.starts_with("log.csv: no time column among `Uhr`, `A1 Ist`, `A2 Ist`"), "{error}");
-    // Joints that the robot does not have are joints all the same: the title is not taken for the names.
+    assert!(
+        error.starts_with("log.csv: no time column among `Uhr`, `A1 Ist`, `A2 Ist`"),
+        "{error}"
+    );
+    // Joints that the robot does not have are joints all the same: the title is not taken for the
+    // names.
     let elbow = ReadOptions::default().with_joints(Some(vec!["elbow".into()]));
-    let other = message(read_csv_with("Cell 4; monitor\nclock_ms;Ax1 pos [deg];Ax2 pos [deg]\n0;1;2\n", &elbow));
-    assert!(other.contains("Ax1") && other.contains("elbow") && !other.contains("no time column"), "{other}");
+    let other = message(read_csv_with(
+        "Cell 4; monitor\nclock_ms;Ax1 pos [deg];Ax2 pos [deg]\n0;1;2\n",
+        &elbow,
+    ));
+    assert!(
+        other.contains("Ax1") && other.contains("elbow") && !other.contains("no time column"),
+        "{other}"
+    );
     // Line numbers count titles.
     assert!(csv_error("title\nt,q1\n0,x\n").starts_with("log.csv:3: column `q1`"));
 }
@@ -175,7 +211,8 @@ fn a_line_of_units_below_the_names() {
     }
     assert_eq!(
         csv_error("t,q1\nms,inc\n0,1\n"),
-        "log.csv: column `q1`: `inc` is no known unit of position: give the unit with `units.position`"
+        "log.csv: column `q1`: `inc` is no known unit of position: give the unit with \
+         `units.position`"
     );
 }
 
@@ -220,9 +257,17 @@ fn dates_and_times_of_day() {
     assert_eq!(steps, [4_000_000, -1_000_000], "midnight passes, a small step back remains one");
     assert_eq!(log.layout().expect("of a table").time, "time as dates or times of day");
     let error = csv_error("time,q1\n09:15:00,0\nsoon,1\n");
-    assert!(error.starts_with("log.csv:3: column `time`: `soon` is not a time in dates and times of day"), "{error}");
+    assert!(
+        error.starts_with(
+            "log.csv:3: column `time`: `soon` is not a time in dates and times of day"
+        ),
+        "{error}"
+    );
     let error = csv_error("time,q1\n03/04/2026 09:15:00,0\n");
-    assert!(error.starts_with("log.csv:2: column `time`: `03/04/2026 09:15:00` is not a time"), "{error}");
+    assert!(
+        error.starts_with("log.csv:2: column `time`: `03/04/2026 09:15:00` is not a time"),
+        "{error}"
+    );
 }
 
 #[test]
@@ -244,7 +289,8 @@ fn copies_have_one_hash() {
 #[test]
 fn rows_of_other_length() {
     let remedy = "mend the line, or read the rows before or behind it alone (`rows`)";
-    let expected = |cells| format!("log.csv:3: {cells} cells, but the header names 2 columns: {remedy}");
+    let expected =
+        |cells| format!("log.csv:3: {cells} cells, but the header names 2 columns: {remedy}");
     assert_eq!(csv_error("t,q1\n0,1\n1\n"), expected(1));
     assert_eq!(csv_error("# a\nt,q1\n0,1,2\n"), expected(3));
 }
@@ -256,16 +302,21 @@ fn files_without_data() {
     assert_eq!(csv_error("t,q1\n"), "log.csv: there are column names but no data rows");
     assert_eq!(
         csv_error("0,1.5,2\n1,2,3\n"),
-        "log.csv:1: the first line holds numbers (0,1.5,2): begin with a line of column names, e.g. t,q_1,dq_1,tau_1"
+        "log.csv:1: the first line holds numbers (0,1.5,2): begin with a line of column names, \
+         e.g. t,q_1,dq_1,tau_1"
     );
-    assert!(message(csv::read("no/such/log.csv", &ReadOptions::default())).contains("No such file"));
+    assert!(
+        message(csv::read("no/such/log.csv", &ReadOptions::default())).contains("No such file")
+    );
 }
 
 #[test]
 fn files_of_another_kind() {
-    for (start, kind) in
-        [(&b"\x89MCAP0\r\n"[..], "an MCAP file"), (b"PK\x03\x04", "a zip archive"), (b"\x7fELF\0\0", "a binary file")]
-    {
+    for (start, kind) in [
+        (&b"\x89MCAP0\r\n"[..], "an MCAP file"),
+        (b"PK\x03\x04", "a zip archive"),
+        (b"\x7fELF\0\0", "a binary file"),
+    ] {
         let error = csv_error(start);
         assert!(error.starts_with("log.csv: this is") && error.contains(kind), "{error}");
     }
@@ -302,11 +353,13 @@ fn parts_of_a_log() {
     );
     assert_eq!(
         message(part(Rows::Seconds(7.0..=9.0))),
-        "log.csv: no sample lies within the chosen seconds 7 to 9; the log has 4 rows and lasts 1.5 s"
+        "log.csv: no sample lies within the chosen seconds 7 to 9; the log has 4 rows and lasts \
+         1.5 s"
     );
     // Rows that are left out may hold anything.
     let text = "t,q1\n0,1\n1,2\nt,q1\n0,3\n1,4\nend of log\n";
-    let part = |rows| read_csv_with(text, &ReadOptions::default().with_rows(Some(Rows::Numbers(rows))));
+    let part =
+        |rows| read_csv_with(text, &ReadOptions::default().with_rows(Some(Rows::Numbers(rows))));
     assert_eq!(part(1..=2).expect("there").position(), [1.0, 2.0]);
     assert_eq!(part(4..=5).expect("there").position(), [3.0, 4.0]);
     assert!(message(part(4..=6)).starts_with("log.csv:7: 1 cells"));
@@ -329,18 +382,27 @@ fn more_than_the_limit() {
     // Sixteen megabytes in some kilobytes.
     let bomb = packed(&[b"t,q1\n".to_vec(), b"0,1\n".repeat(4 << 20)].concat());
     let error = message(read_csv_with(&bomb, &options));
-    assert!(error.starts_with("log.csv: more than 1048576 bytes of unpacked data; if that is right"), "{error}");
+    assert!(
+        error.starts_with("log.csv: more than 1048576 bytes of unpacked data; if that is right"),
+        "{error}"
+    );
     // Empty cells take more memory as numbers than as text.
     let header: Vec<String> = (1..=1000).map(|joint| format!("q{joint}")).collect();
-    let rows = format!("t,{}\n", header.join(",")) + &format!("0{}\n", ",".repeat(1000)).repeat(900);
+    let rows =
+        format!("t,{}\n", header.join(",")) + &format!("0{}\n", ",".repeat(1000)).repeat(900);
     assert!(message(read_csv_with(rows, &options)).contains("more than 1048576 bytes"));
 }
 
 #[test]
 fn no_log_has_such_lines() {
-    assert!(csv_error("t,q1\n".to_string() + &"1".repeat(2 << 20)).starts_with("log.csv:2: the line is longer than"));
+    assert!(
+        csv_error("t,q1\n".to_string() + &"1".repeat(2 << 20))
+            .starts_with("log.csv:2: the line is longer than")
+    );
     let header: Vec<String> = (1..=10_001).map(|joint| format!("q{joint}")).collect();
-    assert!(csv_error(header.join(",")).starts_with("log.csv: 10001 columns (at most 10000 are read)"));
+    assert!(
+        csv_error(header.join(",")).starts_with("log.csv: 10001 columns (at most 10000 are read)")
+    );
 }
 
 #[test]
@@ -397,9 +459,20 @@ proptest! {
 #[test]
 fn names_survive_writing() {
     let joints = names(&["shoulder_pan_joint", "elbow_joint"]);
-    let log = Recording::new("any", joints.clone(), vec![0], vec![1.0, 2.0], None, Some(vec![3.0, 4.0]), vec![]);
+    let log = Recording::new(
+        "any",
+        joints.clone(),
+        vec![0],
+        vec![1.0, 2.0],
+        None,
+        Some(vec![3.0, 4.0]),
+        vec![],
+    );
     let (_folder, path) = file("log.csv", "");
     csv::write(&path, &log.expect("lengths fit")).expect("writable");
     let back = csv::read(&path, &ReadOptions::default()).expect("readable");
-    assert_eq!((back.joint_names(), back.torque().expect("written")), (&joints[..], &[3.0, 4.0][..]));
+    assert_eq!(
+        (back.joint_names(), back.torque().expect("written")),
+        (&joints[..], &[3.0, 4.0][..])
+    );
 }

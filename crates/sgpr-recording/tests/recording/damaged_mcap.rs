@@ -33,13 +33,17 @@ fn find(bytes: &[u8], pattern: &[u8]) -> usize {
 #[test]
 fn a_recorder_that_was_switched_off() {
     for name in ["truncated_zstd.mcap", "truncated_lz4.mcap", "truncated_uncompressed.mcap"] {
-        let whole = mcap::read(fixture(&name["truncated_".len()..]), &McapOptions::default()).expect("whole");
+        let whole = mcap::read(fixture(&name["truncated_".len()..]), &McapOptions::default())
+            .expect("whole");
         let log = mcap::read(fixture(name), &recovering()).expect("partly readable");
         assert!(log.len() > 25, "{name}: {}", log.len());
         assert_eq!(log.position(), whole.slice(0..log.len()).position());
         let text = message(mcap::read(fixture(name), &McapOptions::default()));
         assert!(text.contains("the file is truncated: what begins at byte "), "{text}");
-        assert!(text.contains(&format!("{} messages are readable: set `recover`", log.len())), "{text}");
+        assert!(
+            text.contains(&format!("{} messages are readable: set `recover`", log.len())),
+            "{text}"
+        );
         assert!(log.notes()[0].starts_with("recovered "), "{}", log.notes()[0]);
     }
 }
@@ -58,7 +62,8 @@ fn cut_anywhere() {
     assert_eq!(former, 50);
     assert_eq!(
         error(&whole[..5]),
-        "log.mcap: the file is truncated: what begins at byte 0 is incomplete; 0 messages are readable: set `recover` to take them"
+        "log.mcap: the file is truncated: what begins at byte 0 is incomplete; 0 messages are \
+         readable: set `recover` to take them"
     );
     assert_eq!(error(""), "log.mcap: the file is empty");
 }
@@ -70,7 +75,10 @@ fn a_wrong_bit_in_a_chunk() {
     let at = find(&content, b"shoulder") + 60;
     content[at] ^= 0x10;
     let text = error(&content);
-    assert!(text.starts_with("log.mcap: damaged at byte ") && text.contains("checksum of the chunk"), "{text}");
+    assert!(
+        text.starts_with("log.mcap: damaged at byte ") && text.contains("checksum of the chunk"),
+        "{text}"
+    );
     let log = read(&content, &recovering()).expect("the other chunks are intact");
     assert!(log.len() >= 40 && log.len() < 50, "{}", log.len());
 }
@@ -127,11 +135,14 @@ fn a_message_that_breaks_its_schema() {
     content[at..at + 4].copy_from_slice(&0x7fff_ffff_u32.to_be_bytes());
     assert_eq!(
         error(&content),
-        "log.mcap: topic `/joint_states`, message 1: a length of 2147483647 at byte 24, but only 132 bytes follow"
+        "log.mcap: topic `/joint_states`, message 1: a length of 2147483647 at byte 24, but only \
+         132 bytes follow"
     );
     let log = read(&content, &recovering()).expect("the other messages are intact");
     assert_eq!(log.len(), 9);
-    assert!(log.notes().iter().any(|note| note == "`/joint_states`: left out 1 broken messages of 10"));
+    assert!(
+        log.notes().iter().any(|note| note == "`/joint_states`: left out 1 broken messages of 10")
+    );
 }
 
 #[test]
@@ -142,9 +153,16 @@ fn files_of_another_kind() {
         ("t,q1\n0,1\n", "a file of another kind", "89 4d 43 41 50"),
     ] {
         let text = error(start);
-        assert!(text.starts_with(&format!("log.mcap: this is {kind}, not MCAP")) && text.contains(advice), "{text}");
+        assert!(
+            text.starts_with(&format!("log.mcap: this is {kind}, not MCAP"))
+                && text.contains(advice),
+            "{text}"
+        );
     }
-    assert!(message(mcap::read(Path::new("no/such.mcap"), &McapOptions::default())).contains("No such file"));
+    assert!(
+        message(mcap::read(Path::new("no/such.mcap"), &McapOptions::default()))
+            .contains("No such file")
+    );
 }
 
 #[test]
@@ -156,7 +174,10 @@ fn no_joint_states() {
     let text = error(&content);
     assert!(text.contains("no topic with joint states") || text.contains("checksum"), "{text}");
     let text = message(read(&content, &recovering()));
-    assert!(text.contains("the topics are `/joint_states (sensor_msgs/msg/XointState, cdr)`"), "{text}");
+    assert!(
+        text.contains("the topics are `/joint_states (sensor_msgs/msg/XointState, cdr)`"),
+        "{text}"
+    );
 }
 
 #[test]

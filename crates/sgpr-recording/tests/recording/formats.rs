@@ -16,7 +16,8 @@ fn same(found: &Recording, joints: &[&str]) {
     let log = log();
     assert_eq!(found.joint_names(), joints);
     for (column, joint) in joints.iter().enumerate() {
-        let own = log.joint_names().iter().position(|name| name == joint).expect("a joint of the log");
+        let own =
+            log.joint_names().iter().position(|name| name == joint).expect("a joint of the log");
         let of = |recording: &Recording, column: usize| -> Vec<f64> {
             recording.position().iter().skip(column).step_by(recording.dof()).copied().collect()
         };
@@ -30,7 +31,8 @@ fn name_or_beginning_tell_the_format() {
     let folder = tempfile::tempdir().expect("a folder");
     let at = |name: &str| folder.path().join(name);
     let write_csv = |path: &Path| csv::write(path, &log()).expect("a writable folder");
-    let write_mcap = |path: &Path| mcap::write(path, &[("/joint_states", &log())]).expect("a writable folder");
+    let write_mcap =
+        |path: &Path| mcap::write(path, &[("/joint_states", &log())]).expect("a writable folder");
     for name in ["log.csv", "LOG.TXT", "log.csv.gz"] {
         write_csv(&at(name));
         same(&read(at(name), None).expect("a table"), &["shoulder", "elbow"]);
@@ -52,7 +54,10 @@ fn what_is_no_log_is_told_with_what_is_read() {
     let error = read(&path, None).expect_err("no log");
     assert!(matches!(error, RecordingError::UnknownFormat { .. }), "{error}");
     let text = error.to_string();
-    assert!(text.contains("notes.docx") && text.contains(".csv") && text.contains(".mcap"), "{text}");
+    assert!(
+        text.contains("notes.docx") && text.contains(".csv") && text.contains(".mcap"),
+        "{text}"
+    );
     let missing = read(folder.path().join("none"), None).expect_err("no file");
     assert!(matches!(missing, RecordingError::Unreadable { .. }), "{missing}");
 }

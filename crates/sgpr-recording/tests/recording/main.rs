@@ -23,7 +23,10 @@ fn file(name: &str, content: impl AsRef<[u8]>) -> (TempDir, PathBuf) {
     (folder, path)
 }
 
-fn read_csv_with(text: impl AsRef<[u8]>, options: &ReadOptions) -> Result<Recording, RecordingError> {
+fn read_csv_with(
+    text: impl AsRef<[u8]>,
+    options: &ReadOptions,
+) -> Result<Recording, RecordingError> {
     let (_folder, path) = file("log.csv", text);
     csv::read(path, options)
 }

@@ -1,4 +1,5 @@
-//! MCAP files written by the Python packages `mcap` and `mcap-ros2-support` (`data/recording/make_fixtures.py`), and ours.
+//! MCAP files written by the Python packages `mcap` and `mcap-ros2-support`
+//! (`data/recording/make_fixtures.py`), and ours.
 
 use sgpr_recording::mcap::{self, Clock, McapOptions};
 use sgpr_recording::{Recording, RecordingError};
@@ -30,8 +31,12 @@ fn error(name: &str, options: &McapOptions) -> String {
 /// Position, velocity and torque at time t, s.
 fn state(t: f64) -> [Vec<f64>; 3] {
     let joints = [0.0, 1.0, 2.0];
-    [joints.map(|j| (t + j).sin()), joints.map(|j| (t + j).cos()), joints.map(|j| 10.0 * (j + 1.0) - t)]
-        .map(|values| values.to_vec())
+    [
+        joints.map(|j| (t + j).sin()),
+        joints.map(|j| (t + j).cos()),
+        joints.map(|j| 10.0 * (j + 1.0) - t),
+    ]
+    .map(|values| values.to_vec())
 }
 
 fn assert_follows_formulas(log: &Recording) {
@@ -71,7 +76,10 @@ fn some_joints_under_other_names() {
     assert_close(&log.position()[..2], &[1f64.sin(), 0.0], 1e-15);
     let options = options.with_joints(Some(names(&["joint_2"])));
     let result = mcap::read(fixture("zstd.mcap"), &options);
-    assert_eq!(message(result), "logged_names: got 2 values for 1 joint: give one for each, in joint order");
+    assert_eq!(
+        message(result),
+        "logged_names: got 2 values for 1 joint: give one for each, in joint order"
+    );
 }
 
 #[test]
@@ -85,7 +93,10 @@ fn big_endian_without_stamps() {
     let log = read("big_endian.mcap", &in_order());
     assert_eq!((log.len(), log.time()[0]), (10, START));
     assert_follows_formulas(&log);
-    assert_eq!(log.notes(), ["`/joint_states`: the messages have no stamps; the time is the log time"]);
+    assert_eq!(
+        log.notes(),
+        ["`/joint_states`: the messages have no stamps; the time is the log time"]
+    );
 }
 
 #[test]
@@ -103,7 +114,10 @@ fn json_without_joint_names() {
     assert_eq!((log.len(), log.time()[0], log.time()[1]), (20, 0, PERIOD));
     assert_follows_formulas(&log);
     assert_eq!(log.channel("/log/load").expect("kept").values[0], 2.5);
-    assert_eq!(read("flat_json.mcap", &McapOptions::default()).joint_names(), ["joint_1", "joint_2", "joint_3"]);
+    assert_eq!(
+        read("flat_json.mcap", &McapOptions::default()).joint_names(),
+        ["joint_1", "joint_2", "joint_3"]
+    );
     let two = McapOptions::default().with_joints(Some(names(&["a", "b"])));
     assert_eq!(
         error("flat_json.mcap", &two),
@@ -115,12 +129,17 @@ fn json_without_joint_names() {
 fn the_same_joints_on_two_topics() {
     assert_eq!(
         error("extras.mcap", &in_order()),
-        "extras.mcap: the joint `shoulder` is on the topics `/joint_states`, `/commands`: choose with `topics`"
+        "extras.mcap: the joint `shoulder` is on the topics `/joint_states`, `/commands`: choose \
+         with `topics`"
     );
     let log = read("extras.mcap", &on_topics(&["/joint_states"]));
     assert_follows_formulas(&log);
     let command = &log.channel("/commands/elbow/position").expect("kept").values;
-    assert_close(command, &log.position().iter().skip(1).step_by(3).copied().collect::<Vec<_>>(), 0.0);
+    assert_close(
+        command,
+        &log.position().iter().skip(1).step_by(3).copied().collect::<Vec<_>>(),
+        0.0,
+    );
     assert!(log.channel("/commands/elbow/effort").is_none());
 }
 
@@ -167,12 +186,13 @@ fn what_is_not_there() {
     let joint = McapOptions::default().with_joints(Some(names(&["sholder"])));
     assert_eq!(
         error("zstd.mcap", &joint),
-        "zstd.mcap: there is no joint `sholder` (did you mean `shoulder`?); the joints are `elbow`, `shoulder`, `wrist`"
+        "zstd.mcap: there is no joint `sholder` (did you mean `shoulder`?); the joints are \
+         `elbow`, `shoulder`, `wrist`"
     );
     assert_eq!(
         error("zstd.mcap", &on_topics(&["/joint_state"])),
-        "zstd.mcap: there is no topic `/joint_state` with joint states (did you mean `/joint_states`?); topics with joint \
-         states are `/joint_states`"
+        "zstd.mcap: there is no topic `/joint_state` with joint states (did you mean \
+         `/joint_states`?); topics with joint states are `/joint_states`"
     );
 }
 
@@ -180,7 +200,8 @@ fn small() -> Recording {
     let time = vec![0, 1_000_000, 5_000_000_007];
     let position = vec![0.1, 0.2, 0.3, 0.4, 0.5, f64::INFINITY];
     let torque = Some(vec![-1.0, 2.0, -3.0, 4.0, -5.0, 6.0]);
-    Recording::new("small", names(&["a", "b"]), time, position, None, torque, vec![]).expect("lengths fit")
+    Recording::new("small", names(&["a", "b"]), time, position, None, torque, vec![])
+        .expect("lengths fit")
 }
 
 #[test]
@@ -199,9 +220,16 @@ fn what_is_written_is_read() {
 #[test]
 fn times_that_ros_cannot_hold() {
     for (time, text) in [(-1, "-1 ns"), (i64::MAX, "9223372036854775807 ns")] {
-        let log = Recording::new("late", names(&["a"]), vec![time], vec![0.0], None, None, vec![]).expect("fits");
+        let log = Recording::new("late", names(&["a"]), vec![time], vec![0.0], None, None, vec![])
+            .expect("fits");
         let error = message(mcap::write("never.mcap", &[("/a", &log)]));
-        assert_eq!(error, format!("late: the time {text} does not fit a ROS 2 time stamp (0 to 2^31 s)"));
+        assert_eq!(
+            error,
+            format!("late: the time {text} does not fit a ROS 2 time stamp (0 to 2^31 s)")
+        );
     }
-    assert!(message(mcap::write("no/such/folder/a.mcap", &[])).starts_with("no/such/folder/a.mcap: cannot write"));
+    assert!(
+        message(mcap::write("no/such/folder/a.mcap", &[]))
+            .starts_with("no/such/folder/a.mcap: cannot write")
+    );
 }

@@ -36,7 +36,8 @@ fn panda() {
     assert_eq!(issue(IssueKind::Gap).count, 2);
     assert!(kinds(&log).contains(&IssueKind::IrregularSampling));
 
-    let request = Repair::default().with_drop_repeated(true).with_resample(Some(Resample::Hz(1000.0)));
+    let request =
+        Repair::default().with_drop_repeated(true).with_resample(Some(Resample::Hz(1000.0)));
     let (parts, actions) = repair(&log, &request).expect("sorted");
     assert!((2..10).contains(&parts.len()) && actions.len() == 3, "{actions:?}");
     for part in &parts {

@@ -1,11 +1,12 @@
 //! What to record next: a motion that tells effects apart which the logs cannot.
 //!
-//! For each finding and each effect that imitates it, candidate motions are laid out within what the arm did in the logs.
-//! A motion is judged by what the imitation, its parameters and those of the model refitted to logs and motion together,
-//! would leave of the finding's torque: half of that chi-squared is the log of the Bayes factor to expect.
+//! For each finding and each effect that imitates it, candidate motions are laid out within what
+//! the arm did in the logs. A motion is judged by what the imitation, its parameters and those of
+//! the model refitted to logs and motion together, would leave of the finding's torque: half of
+//! that chi-squared is the log of the Bayes factor to expect.
 //!
-//! Source: A. C. Atkinson, V. V. Fedorov, The design of experiments for discriminating between two rival models,
-//! Biometrika 62(1) (1975), the T-criterion.
+//! Source: A. C. Atkinson, V. V. Fedorov, The design of experiments for discriminating between two
+//! rival models, Biometrika 62(1) (1975), the T-criterion.
 
 mod path;
 mod plan;
@@ -27,8 +28,8 @@ use crate::linalg::rms;
 use crate::model::{Term, TorqueModel, Trajectory};
 use crate::spatial::PARAMETERS_PER_LINK;
 
-/// Log of the Bayes factor below which an imitation is within reach of a finding. A motion that does not promise as much
-/// decides nothing, and is not proposed.
+/// Log of the Bayes factor below which an imitation is within reach of a finding. A motion that
+/// does not promise as much decides nothing, and is not proposed.
 const REACH: f64 = 12.0;
 
 /// Two hypotheses of which one is so much likelier are told apart.
@@ -46,7 +47,8 @@ const PIECE_S: f64 = 8.0;
 /// Mass of the payload, kg.
 const PAYLOAD: f64 = 2.0;
 
-/// Motions that would tell the findings from what is within their reach, the most doubtful finding first.
+/// Motions that would tell the findings from what is within their reach, the most doubtful finding
+/// first.
 pub(super) fn next_experiments(
     search: &Search<'_>,
     fitted: &Fitted,
@@ -75,18 +77,26 @@ fn of_finding(
     let robot = search.problem.nominal.robot();
     let joint = match term.site.joint() {
         Some(joint) => joint,
-        None => (0..robot.dof()).find(|j| finding.rmse_before.contains_key(&robot.joints()[*j].name))?,
+        None => {
+            (0..robot.dof()).find(|j| finding.rmse_before.contains_key(&robot.joints()[*j].name))?
+        }
     };
     let name = &robot.joints()[joint].name;
     let judge = Judge::new(search, fitted, term, joint);
     let effect = finding.effect.as_str();
     let known = term.effect.about().confusable;
-    let own_score = ranking.iter().find(|c| c.term.is_like(term)).map_or(f64::INFINITY, |own| own.score);
+    let own_score =
+        ranking.iter().find(|c| c.term.is_like(term)).map_or(f64::INFINITY, |own| own.score);
     let near = |c: &&Candidate| {
         let name = c.term.effect.name();
-        let said = finding.confusable_with.iter().any(|other| other == name) || known.contains(&name);
+        let said =
+            finding.confusable_with.iter().any(|other| other == name) || known.contains(&name);
         let equal = (c.score - own_score).abs() < REACH;
-        (said || equal) && c.term.site == term.site && name != effect && !c.impossible && c.score > 0.0
+        (said || equal)
+            && c.term.site == term.site
+            && name != effect
+            && !c.impossible
+            && c.score > 0.0
     };
     let basis = judge.basis(&judge.logs.1);
     let estimated = ranking.iter().filter(near).map(|candidate| {
@@ -100,19 +110,21 @@ fn of_finding(
     let now = rivals.first()?.1;
     let imitations: Vec<Rival> = rivals.iter().map(|(rival, _)| rival.clone()).collect();
     // The least certain of the pairs is what counts.
-    let judged = plans(room, joint, name).into_iter().map(|plan| (judge.with(&imitations, &plan), plan));
+    let judged =
+        plans(room, joint, name).into_iter().map(|plan| (judge.with(&imitations, &plan), plan));
     let best = judged.max_by(|(a, one), (b, other)| {
         let worth = |expected: &Expected, plan: &Plan| {
             let decides = expected.separation.min(ENOUGH);
-            // Motions that ask for less are preferred as long as they decide, and of those the ones that show the
-            // finding best.
+            // Motions that ask for less are preferred as long as they decide, and of those the ones
+            // that show the finding best.
             let decided = decides == ENOUGH;
             let asks = f64::from(plan.loaded || plan.later > 0.0);
             [decides, if decided { -asks } else { 0.0 }, if decided { expected.shown } else { 0.0 }]
         };
         worth(a, one).partial_cmp(&worth(b, other)).unwrap_or(Ordering::Equal)
     });
-    let (Expected { separation, .. }, plan) = best.filter(|(expected, _)| expected.separation >= REACH)?;
+    let (Expected { separation, .. }, plan) =
+        best.filter(|(expected, _)| expected.separation >= REACH)?;
     let about = rivals.iter().map(|(rival, _)| rival.term.effect.name());
     Some(NextExperiment {
         about: std::iter::once(effect).chain(about).map(String::from).collect(),
@@ -130,7 +142,11 @@ fn as_estimated(candidate: &Candidate) -> Term {
     let mut term = candidate.term.clone();
     if term.is_transform() {
         let steps = term.effect.constants().iter().zip(&candidate.gain.coefficients);
-        let moved = term.constants.iter().zip(steps).map(|(value, (c, step))| (value + step).clamp(c.low, c.high));
+        let moved = term
+            .constants
+            .iter()
+            .zip(steps)
+            .map(|(value, (c, step))| (value + step).clamp(c.low, c.high));
         term.constants = moved.collect();
     }
     term
@@ -140,7 +156,8 @@ fn as_estimated(candidate: &Candidate) -> Term {
 #[derive(Clone)]
 struct Rival {
     term: Term,
-    /// Whether it contains the finding as a special case: no motion speaks against it if the finding is right.
+    /// Whether it contains the finding as a special case: no motion speaks against it if the
+    /// finding is right.
     contains: bool,
 }
 
@@ -175,9 +192,11 @@ impl<'a> Judge<'a> {
         let pick = |column: &Column| -> Vec<f64> {
             rows.iter().map(|&row| column[joint].get(row).copied().unwrap_or_default()).collect()
         };
-        let brought = pick(&problem.difference([&without(problem, fitted, term), &fitted.model], 1.0));
+        let brought =
+            pick(&problem.difference([&without(problem, fitted, term), &fitted.model], 1.0));
         let mut at = problem.base.rank();
-        let mut columns: Vec<Vec<f64>> = fitted.columns[..at].iter().map(|column| pick(column)).collect();
+        let mut columns: Vec<Vec<f64>> =
+            fitted.columns[..at].iter().map(|column| pick(column)).collect();
         for own in fitted.terms() {
             let width = own.coefficients.len();
             if !own.is_like(term) {
@@ -186,10 +205,20 @@ impl<'a> Judge<'a> {
             at += width;
         }
         let level = search.noise.level[joint].max(1e-12);
-        Self { problem, fitted, term, joint, level, rows, weight: (every as f64).sqrt(), logs: (brought, columns) }
+        Self {
+            problem,
+            fitted,
+            term,
+            joint,
+            level,
+            rows,
+            weight: (every as f64).sqrt(),
+            logs: (brought, columns),
+        }
     }
 
-    /// A candidate with what the logs say of its size. Parts that they do not show are as large as the noise.
+    /// A candidate with what the logs say of its size. Parts that they do not show are as large as
+    /// the noise.
     fn rival(&self, candidate: &Candidate) -> Rival {
         let mut term = as_estimated(candidate);
         if term.is_transform() {
@@ -202,7 +231,8 @@ impl<'a> Judge<'a> {
         let contains = power - gain(&Basis::new(vec![]), &brought, &raw, 1e-9).chi2 < 1e-6 * power;
         for (k, coefficient) in term.coefficients.iter_mut().enumerate() {
             let given = candidate.gain.coefficients.get(k).copied().unwrap_or_default();
-            *coefficient = if given == 0.0 { self.level / rms(&columns[k]).max(1e-150) } else { given };
+            *coefficient =
+                if given == 0.0 { self.level / rms(&columns[k]).max(1e-150) } else { given };
         }
         Rival { term, contains }
     }
@@ -214,12 +244,15 @@ impl<'a> Judge<'a> {
         self.separation(basis, &self.logs.0, rival, &|term| self.columns_in_logs(term))
     }
 
-    /// The same to be expected of logs and motion together, for the imitation that is hardest to tell.
+    /// The same to be expected of logs and motion together, for the imitation that is hardest to
+    /// tell.
     fn with(&self, rivals: &[Rival], plan: &Plan) -> Expected {
         let Some(drawn) = self.drawn(plan) else { return Expected { separation: 0.0, shown: 0.0 } };
-        let joined = |logs: &[f64], plan: &[f64]| -> Vec<f64> { logs.iter().chain(plan).copied().collect() };
+        let joined =
+            |logs: &[f64], plan: &[f64]| -> Vec<f64> { logs.iter().chain(plan).copied().collect() };
         let brought = joined(&self.logs.0, &drawn.brought);
-        let columns: Vec<Vec<f64>> = self.logs.1.iter().zip(&drawn.columns).map(|(a, b)| joined(a, b)).collect();
+        let columns: Vec<Vec<f64>> =
+            self.logs.1.iter().zip(&drawn.columns).map(|(a, b)| joined(a, b)).collect();
         let both = |term: &Term| -> Vec<Vec<f64>> {
             let (logs, plan) = (self.columns_in_logs(term), drawn.columns_of(self, term));
             logs.iter().zip(&plan).map(|(a, b)| joined(a, b)).collect()
@@ -232,8 +265,8 @@ impl<'a> Judge<'a> {
         }
     }
 
-    /// What a rival, its parameters free, leaves of the finding's torque; if it contains the finding, what the finding
-    /// leaves of the rival's.
+    /// What a rival, its parameters free, leaves of the finding's torque; if it contains the
+    /// finding, what the finding leaves of the rival's.
     fn separation(
         &self,
         basis: &Basis,
@@ -285,7 +318,10 @@ impl<'a> Judge<'a> {
             self.problem.term_columns(&self.fitted.model, &self.fitted.rigid, rival)
         };
         let pick = |column: &Column| -> Vec<f64> {
-            self.rows.iter().map(|&row| column[self.joint].get(row).copied().unwrap_or_default()).collect()
+            self.rows
+                .iter()
+                .map(|&row| column[self.joint].get(row).copied().unwrap_or_default())
+                .collect()
         };
         columns.iter().map(pick).collect()
     }
@@ -307,8 +343,14 @@ impl<'a> Judge<'a> {
             Some(_) => motion.time.iter().map(|t| start + t).collect(),
             None => vec![],
         };
-        let mut drawn =
-            Drawn { motion: motion.clone(), time, rows, loaded: plan.loaded, brought: vec![], columns: vec![] };
+        let mut drawn = Drawn {
+            motion: motion.clone(),
+            time,
+            rows,
+            loaded: plan.loaded,
+            brought: vec![],
+            columns: vec![],
+        };
         let rest = drawn.load(&without(self.problem, self.fitted, self.term));
         drawn.brought = drawn.difference(self, &rest, &drawn.load(&self.fitted.model));
         let mut columns = vec![vec![]; self.problem.base.rank()];
@@ -318,12 +360,17 @@ impl<'a> Judge<'a> {
         let mut effects = vec![0.0; set.effect_columns_per_joint()];
         for &k in &drawn.rows {
             let at = k * n..(k + 1) * n;
-            let state = JointState { q: &motion.q[at.clone()], dq: &motion.dq[at.clone()], ddq: &motion.ddq[at] };
+            let state = JointState {
+                q: &motion.q[at.clone()],
+                dq: &motion.dq[at.clone()],
+                ddq: &motion.ddq[at],
+            };
             let row = regressor(robot, &mut ws, state.q, state.dq, state.ddq);
             let row = &row[self.joint * n * PARAMETERS_PER_LINK..][..n * PARAMETERS_PER_LINK];
             set.effect_row(self.joint, &state, &mut effects);
             for (column, &parameter) in columns.iter_mut().zip(self.problem.base.independent()) {
-                let effect = parameters.iter().position(|own| *own == parameter).map(|index| effects[index]);
+                let effect =
+                    parameters.iter().position(|own| *own == parameter).map(|index| effects[index]);
                 column.push(row.get(parameter).copied().or(effect).unwrap_or_default());
             }
         }
@@ -350,7 +397,12 @@ struct Drawn {
 impl Drawn {
     fn trajectory(&self) -> Trajectory<'_> {
         let TrajectorySamples { q, dq, ddq, .. } = &self.motion;
-        Trajectory { samples: Samples { q, dq, ddq }, rate_hz: RATE_HZ, time: &self.time, channels: &[] }
+        Trajectory {
+            samples: Samples { q, dq, ddq },
+            rate_hz: RATE_HZ,
+            time: &self.time,
+            channels: &[],
+        }
     }
 
     /// A model with the payload of the plan.
@@ -373,7 +425,9 @@ impl Drawn {
         let own = |column: &Vec<f64>| -> Vec<f64> {
             match term.effect.reach() {
                 Reach::All => self.rows.iter().map(|k| column[k * n + judge.joint]).collect(),
-                Reach::Own if term.site.joint() == Some(judge.joint) => self.rows.iter().map(|k| column[*k]).collect(),
+                Reach::Own if term.site.joint() == Some(judge.joint) => {
+                    self.rows.iter().map(|k| column[*k]).collect()
+                }
                 Reach::Own => vec![0.0; self.rows.len()],
             }
         };
@@ -397,7 +451,8 @@ fn variants(term: &Term) -> Vec<Term> {
         if constant.scale == Scale::Logarithmic {
             for factor in [1.0 / 3.0, 0.6, 1.7, 3.0] {
                 let mut other = term.clone();
-                other.constants[k] = (factor * other.constants[k]).clamp(constant.low, constant.high);
+                other.constants[k] =
+                    (factor * other.constants[k]).clamp(constant.low, constant.high);
                 all.push(other);
             }
         }
@@ -424,7 +479,8 @@ fn with_payload(model: &TorqueModel) -> TorqueModel {
     loaded
 }
 
-/// What the arm did in the logs: positions that it took, speeds and accelerations that it reached, within its limits.
+/// What the arm did in the logs: positions that it took, speeds and accelerations that it reached,
+/// within its limits.
 fn room(search: &Search<'_>) -> Room {
     /// Share of the samples whose speeds and accelerations count as reached: the rest are spikes.
     const COMMON: f64 = 0.995;
@@ -433,10 +489,14 @@ fn room(search: &Search<'_>) -> Room {
     let n = robot.dof();
     let high_of = |joint: usize, of: &dyn Fn(usize) -> Vec<f64>| {
         let mut all: Vec<f64> = (0..problem.stretches.len())
-            .flat_map(|index| of(index).into_iter().skip(joint).step_by(n).map(f64::abs).collect::<Vec<_>>())
+            .flat_map(|index| {
+                of(index).into_iter().skip(joint).step_by(n).map(f64::abs).collect::<Vec<_>>()
+            })
             .collect();
         all.sort_by(f64::total_cmp);
-        all.get(((all.len() as f64 * COMMON) as usize).min(all.len().saturating_sub(1))).copied().unwrap_or_default()
+        all.get(((all.len() as f64 * COMMON) as usize).min(all.len().saturating_sub(1)))
+            .copied()
+            .unwrap_or_default()
     };
     let limits: Vec<JointLimits> = (0..n)
         .map(|joint| {
@@ -449,7 +509,10 @@ fn room(search: &Search<'_>) -> Room {
             let acceleration = high_of(joint, &|index| problem.stretches[index].motion.ddq.clone());
             JointLimits {
                 range: [low, high.max(low)],
-                speed: own.velocity.filter(|limit| *limit > 0.0).map_or(speed, |limit| limit.min(speed)),
+                speed: own
+                    .velocity
+                    .filter(|limit| *limit > 0.0)
+                    .map_or(speed, |limit| limit.min(speed)),
                 acceleration,
             }
         })
@@ -463,14 +526,18 @@ fn room(search: &Search<'_>) -> Room {
         q.iter().zip(&limits).map(share).sum()
     };
     let poses = problem.stretches.iter().flat_map(|stretch| stretch.motion.q.chunks_exact(n));
-    let home = poses.min_by(|a, b| distance(a).total_cmp(&distance(b))).map_or(vec![0.0; n], <[f64]>::to_vec);
+    let home = poses
+        .min_by(|a, b| distance(a).total_cmp(&distance(b)))
+        .map_or(vec![0.0; n], <[f64]>::to_vec);
     let home = home.iter().zip(&limits).map(|(q, l)| q.clamp(l.range[0], l.range[1])).collect();
     let piece = problem.stretches.first().and_then(|stretch| {
         let motion = &stretch.motion;
         let first = motion.inner.iter().position(|inner| *inner)?;
-        let last = (first + (PIECE_S * motion.rate_hz) as usize).min(motion.inner.iter().rposition(|inner| *inner)?);
+        let last = (first + (PIECE_S * motion.rate_hz) as usize)
+            .min(motion.inner.iter().rposition(|inner| *inner)?);
         let cut = |values: &[f64]| values[first * n..(last + 1) * n].to_vec();
-        (last > first + 10).then(|| (motion.rate_hz, [cut(&motion.q), cut(&motion.dq), cut(&motion.ddq)]))
+        (last > first + 10)
+            .then(|| (motion.rate_hz, [cut(&motion.q), cut(&motion.dq), cut(&motion.ddq)]))
     });
     let units = robot.joints().iter().map(|joint| joint.kind.position_unit()).collect();
     Room { home, limits, units, piece }

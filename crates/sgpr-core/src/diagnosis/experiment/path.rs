@@ -70,7 +70,11 @@ impl Path {
     pub fn move_to(&mut self, target: f64, share: f64) {
         let target = target.clamp(self.limits.range[0], self.limits.range[1]);
         let start = self.position();
-        let seconds = quintic_time(target - start, share * self.limits.speed, share * self.limits.acceleration);
+        let seconds = quintic_time(
+            target - start,
+            share * self.limits.speed,
+            share * self.limits.acceleration,
+        );
         if seconds <= 0.0 {
             return;
         }
@@ -114,7 +118,8 @@ impl Path {
         });
     }
 
-    /// Sine waves about the present position, faded in and out over a period, as large as the limits and `room` allow.
+    /// Sine waves about the present position, faded in and out over a period, as large as the
+    /// limits and `room` allow.
     pub fn sine(&mut self, hz: f64, periods: usize, room: f64) {
         let centre = self.position();
         let (pulse, seconds, fade) = (std::f64::consts::TAU * hz, periods as f64 / hz, 1.0 / hz);
@@ -134,11 +139,16 @@ impl Path {
             ]
         };
         let grid = (0..=400).map(|k| unit(seconds * f64::from(k) / 400.0));
-        let peaks = grid.fold([0.0f64; 3], |[a, b, c], [x, v, w]| [a.max(x.abs()), b.max(v.abs()), c.max(w.abs())]);
+        let peaks = grid.fold([0.0f64; 3], |[a, b, c], [x, v, w]| {
+            [a.max(x.abs()), b.max(v.abs()), c.max(w.abs())]
+        });
         let [low, high] = self.limits.range;
         let room = room.min(centre - low).min(high - centre).max(0.0);
         // Between the points of the grid a peak is up to one percent higher.
-        let size = 0.98 * (room / peaks[0]).min(self.limits.speed / peaks[1]).min(self.limits.acceleration / peaks[2]);
+        let size = 0.98
+            * (room / peaks[0])
+                .min(self.limits.speed / peaks[1])
+                .min(self.limits.acceleration / peaks[2]);
         self.follow(seconds, centre, |t| {
             let [x, v, a] = unit(t);
             [centre + size * x, size * v, size * a]
@@ -169,7 +179,10 @@ mod tests {
             assert!((slope - v).abs() < 0.02, "{k}: {slope} {v}");
             assert!((curvature - a).abs() < 0.6, "{k}: {curvature} {a}");
             assert!(x > LIMITS.range[0] - 1e-9 && x < LIMITS.range[1] + 1e-9);
-            assert!(v.abs() < LIMITS.speed * 1.0001 && a.abs() < LIMITS.acceleration * 1.0001, "{k}: {v} {a}");
+            assert!(
+                v.abs() < LIMITS.speed * 1.0001 && a.abs() < LIMITS.acceleration * 1.0001,
+                "{k}: {v} {a}"
+            );
         }
     }
 

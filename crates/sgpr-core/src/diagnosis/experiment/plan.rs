@@ -37,8 +37,14 @@ pub(super) fn plans(room: &Room, joint: usize, name: &str) -> Vec<Plan> {
     let mut plans = Vec::new();
     if limits.span() > 1e-3 && limits.speed > 0.0 && limits.acceleration > 0.0 {
         let own = LoneJoint { name, unit: room.units[joint], limits, start: room.home[joint] };
-        let paths = [own.through_its_range(), own.at_constant_speeds(), own.by_small_steps(), own.shaken()];
-        let plan = |(text, path)| Plan { text, motion: alone(room, joint, &path), loaded: false, later: 0.0 };
+        let paths =
+            [own.through_its_range(), own.at_constant_speeds(), own.by_small_steps(), own.shaken()];
+        let plan = |(text, path)| Plan {
+            text,
+            motion: alone(room, joint, &path),
+            loaded: false,
+            later: 0.0,
+        };
         plans.extend(paths.map(plan));
     }
     if let Some(piece) = &room.piece {
@@ -78,7 +84,8 @@ impl LoneJoint<'_> {
         path.ramp_to(low, speed);
         path.hold(0.5);
         let text = format!(
-            "move {name} slowly ({speed:.3} {unit}/s) through its range, {low:.2} to {high:.2} {unit}, in both directions"
+            "move {name} slowly ({speed:.3} {unit}/s) through its range, {low:.2} to {high:.2} \
+             {unit}, in both directions"
         );
         (text, path)
     }
@@ -100,7 +107,8 @@ impl LoneJoint<'_> {
             path.hold(0.3);
         }
         let text = format!(
-            "move {name} to and fro at constant speeds from {:.3} to {:.2} {unit}/s, as long in both directions",
+            "move {name} to and fro at constant speeds from {:.3} to {:.2} {unit}/s, as long in \
+             both directions",
             speeds[0], speeds[5]
         );
         (text, path)
@@ -123,7 +131,12 @@ impl LoneJoint<'_> {
             }
         }
         let places = [0.25, 0.5, 0.75].map(|share| format!("{:.2}", self.at(share))).join(", ");
-        (format!("reverse {name} again and again by small steps, slow and fast, at {places} {unit}"), path)
+        (
+            format!(
+                "reverse {name} again and again by small steps, slow and fast, at {places} {unit}"
+            ),
+            path,
+        )
     }
 
     fn shaken(&self) -> (String, Path) {
@@ -135,7 +148,10 @@ impl LoneJoint<'_> {
             path.sine(hz, periods, 0.45 * limits.span());
             path.hold(0.2);
         }
-        (format!("shake {name} about {:.2} {unit} with 0.3, 0.7, 1.5, 3 and 5 Hz", self.at(0.5)), path)
+        (
+            format!("shake {name} about {:.2} {unit} with 0.3, 0.7, 1.5, 3 and 5 Hz", self.at(0.5)),
+            path,
+        )
     }
 }
 
@@ -172,7 +188,8 @@ fn alone(room: &Room, joint: usize, path: &Path) -> TrajectorySamples {
     samples
 }
 
-/// A log again at another pace, from home to home, its clock brought up to the pace as slowly as accelerations ask for.
+/// A log again at another pace, from home to home, its clock brought up to the pace as slowly as
+/// accelerations ask for.
 fn replay(room: &Room, log: &SampledReference, seconds: f64, pace: f64) -> TrajectorySamples {
     let n = room.home.len();
     let within = |samples: &TrajectorySamples| {
@@ -190,7 +207,13 @@ fn replay(room: &Room, log: &SampledReference, seconds: f64, pace: f64) -> Traje
 }
 
 /// The same; the clock runs from rest to the pace, and to rest again, in `fade` seconds.
-fn replay_with(room: &Room, log: &SampledReference, seconds: f64, pace: f64, fade: f64) -> TrajectorySamples {
+fn replay_with(
+    room: &Room,
+    log: &SampledReference,
+    seconds: f64,
+    pace: f64,
+    fade: f64,
+) -> TrajectorySamples {
     let n = room.home.len();
     let mut samples = TrajectorySamples { time: vec![], q: vec![], dq: vec![], ddq: vec![] };
     let (mut first, mut last) = (vec![0.0; n], vec![0.0; n]);
@@ -229,18 +252,29 @@ fn replay_with(room: &Room, log: &SampledReference, seconds: f64, pace: f64, fad
 
 /// All joints from rest to rest together.
 fn append_move(samples: &mut TrajectorySamples, room: &Room, from: &[f64], to: &[f64]) {
-    /// Share of the largest speed and acceleration of the logs with which joints are moved from pose to pose.
+    /// Share of the largest speed and acceleration of the logs with which joints are moved from
+    /// pose to pose.
     const SHARE: f64 = 0.5;
     let n = from.len();
     let own = |j: usize| {
         let limits = room.limits[j];
-        quintic_time(to[j] - from[j], SHARE * limits.speed.max(1e-6), SHARE * limits.acceleration.max(1e-6))
+        quintic_time(
+            to[j] - from[j],
+            SHARE * limits.speed.max(1e-6),
+            SHARE * limits.acceleration.max(1e-6),
+        )
     };
     let seconds = (0..n).map(own).fold(0.5, f64::max);
     let rest = vec![0.0; n];
     let both = |values: [&[f64]; 2]| values.concat();
     // Between two samples at rest the reference is the quintic that is wanted.
-    let way = SampledReference::new(n, 1.0 / seconds, both([from, to]), both([&rest, &rest]), both([&rest, &rest]));
+    let way = SampledReference::new(
+        n,
+        1.0 / seconds,
+        both([from, to]),
+        both([&rest, &rest]),
+        both([&rest, &rest]),
+    );
     let (mut q, mut dq, mut ddq) = (rest.clone(), rest.clone(), rest);
     for k in 0..=(seconds * RATE_HZ).ceil() as usize {
         way.sample((k as f64 / RATE_HZ).min(seconds), &mut q, &mut dq, &mut ddq);

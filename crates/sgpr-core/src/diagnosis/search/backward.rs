@@ -1,4 +1,5 @@
-//! Steps backward: what the others make superfluous is taken out, what another explains better is exchanged.
+//! Steps backward: what the others make superfluous is taken out, what another explains better is
+//! exchanged.
 
 use std::sync::Arc;
 
@@ -13,20 +14,32 @@ use crate::model::Term;
 use crate::progress::Interrupted;
 
 impl Search<'_> {
-    /// The fit with another transform of the same kind in the place of one that explains less, or no more and comes later
-    /// in the catalogue: which of them it is may show only when all others are there.
-    pub(super) fn with_likelier_transforms(&self, mut fitted: Fitted, accepted: &mut [Accepted]) -> Fitted {
+    /// The fit with another transform of the same kind in the place of one that explains less, or
+    /// no more and comes later in the catalogue: which of them it is may show only when all others
+    /// are there.
+    pub(super) fn with_likelier_transforms(
+        &self,
+        mut fitted: Fitted,
+        accepted: &mut [Accepted],
+    ) -> Fitted {
         let given = fitted.terms().len() - accepted.len();
         for (k, step) in accepted.iter_mut().enumerate() {
             let own = fitted.terms()[given + k].clone();
-            let others = self.transforms_like(&own).into_iter().map(|term| self.with_instead(&fitted, given + k, term));
+            let others = self
+                .transforms_like(&own)
+                .into_iter()
+                .map(|term| self.with_instead(&fitted, given + k, term));
             let margin = NEARLY * step.first_score;
             let likelier = |other: &Fitted| {
                 let comes_first = self.place(&other.terms()[given + k]) < self.place(&own);
                 0.5 * (fitted.chi2 - other.chi2) > if comes_first { -margin } else { margin }
             };
-            let stays = |other: &Fitted| self.stays_in(other, given + k, &self.bare(&fitted, given + k));
-            let Some(other) = others.into_iter().find(|other| likelier(other) && stays(other)) else { continue };
+            let stays =
+                |other: &Fitted| self.stays_in(other, given + k, &self.bare(&fitted, given + k));
+            let Some(other) = others.into_iter().find(|other| likelier(other) && stays(other))
+            else {
+                continue;
+            };
             let bare = self.bare(&fitted, given + k);
             *step = self.exchanged(step, [&bare, &fitted, &other], given + k);
             fitted = other;
@@ -34,9 +47,13 @@ impl Search<'_> {
         fitted
     }
 
-    /// The fit with a plainer torque at the same joint in the place of one with more freedom that does no better: what it
-    /// has more may have stood for effects that were found after it.
-    pub(super) fn with_plainer_forms(&self, mut fitted: Fitted, accepted: &mut [Accepted]) -> Fitted {
+    /// The fit with a plainer torque at the same joint in the place of one with more freedom that
+    /// does no better: what it has more may have stood for effects that were found after it.
+    pub(super) fn with_plainer_forms(
+        &self,
+        mut fitted: Fitted,
+        accepted: &mut [Accepted],
+    ) -> Fitted {
         let given = fitted.terms().len() - accepted.len();
         if accepted.len() < 2 {
             return fitted;
@@ -49,10 +66,13 @@ impl Search<'_> {
             }
             let bare = self.bare(&fitted, given + k);
             let (score, errors) = (self.score_of(&bare, &fitted), self.errors(&fitted));
-            let others = plainer.into_iter().map(|term| self.with_instead(&fitted, given + k, term));
+            let others =
+                plainer.into_iter().map(|term| self.with_instead(&fitted, given + k, term));
             let does_as_well = |other: &Fitted| {
                 let loses = self.errors(other).largest_fall_to(&errors, &own) > material(&own);
-                self.score_of(&bare, other) > (1.0 - NEARLY) * score && !loses && self.stays_in(other, given + k, &bare)
+                self.score_of(&bare, other) > (1.0 - NEARLY) * score
+                    && !loses
+                    && self.stays_in(other, given + k, &bare)
             };
             let best = others.filter(does_as_well).min_by(|a, b| a.chi2.total_cmp(&b.chi2));
             let Some(other) = best else { continue };
@@ -62,39 +82,59 @@ impl Search<'_> {
         fitted
     }
 
-    /// Whether the term at `index` would stay in a fit, beside which `bare` is without it: what would not is in nobody's place.
+    /// Whether the term at `index` would stay in a fit, beside which `bare` is without it: what
+    /// would not is in nobody's place.
     fn stays_in(&self, fitted: &Fitted, index: usize, bare: &Fitted) -> bool {
         let score = self.score_of(bare, fitted);
-        self.stays(&fitted.terms()[index], (score, false), [&self.errors(bare), &self.errors(fitted)])
+        self.stays(
+            &fitted.terms()[index],
+            (score, false),
+            [&self.errors(bare), &self.errors(fitted)],
+        )
     }
 
-    /// Whether a term has evidence, lowers a left-out error by what is asked of it, for certain or where it `stands_out`, and
-    /// harms nothing.
-    fn stays(&self, term: &Term, (score, stands_out): (f64, bool), [without, with]: [&HeldOut; 2]) -> bool {
-        let matters =
-            without.largest_fall_to(with, term) >= asked_of(term) && (stands_out || self.is_sure(without, with, term));
+    /// Whether a term has evidence, lowers a left-out error by what is asked of it, for certain or
+    /// where it `stands_out`, and harms nothing.
+    fn stays(
+        &self,
+        term: &Term,
+        (score, stands_out): (f64, bool),
+        [without, with]: [&HeldOut; 2],
+    ) -> bool {
+        let matters = without.largest_fall_to(with, term) >= asked_of(term)
+            && (stands_out || self.is_sure(without, with, term));
         let harms = self.is_worse_with(without, with, term) || is_out_of_range(term);
         score >= EVIDENCE && matters && !harms
     }
 
-    /// Torques without constants that had nearly the evidence of one with more freedom at the same joint and that the model
-    /// does not have.
+    /// Torques without constants that had nearly the evidence of one with more freedom at the same
+    /// joint and that the model does not have.
     fn plainer_rivals(&self, own: &Term, step: &Accepted, terms: &[Term]) -> Vec<Term> {
         /// Share of the first score above which a plainer form had nearly as much evidence.
         const CLOSE: f64 = 0.9;
         let close = |name: &str| {
-            let rivals = step.rivals.iter().filter(|(t, _)| t.effect.name() == name && t.site == own.site);
+            let rivals =
+                step.rivals.iter().filter(|(t, _)| t.effect.name() == name && t.site == own.site);
             rivals.map(|(_, score)| *score).fold(0.0, f64::max) > CLOSE * step.first_score
         };
-        let effects = self.catalogue.iter().filter(|effect| effect.constants().is_empty() && close(effect.name()));
+        let effects = self
+            .catalogue
+            .iter()
+            .filter(|effect| effect.constants().is_empty() && close(effect.name()));
         let terms_of = effects.map(|effect| Term::new(effect.clone(), own.site, vec![]));
-        terms_of.filter(|term| is_plainer(term, own) && !terms.iter().any(|other| other.is_like(term))).collect()
+        terms_of
+            .filter(|term| is_plainer(term, own) && !terms.iter().any(|other| other.is_like(term)))
+            .collect()
     }
 
-    /// The fit with a finer form of what the model has in the place of an effect at the same joint with as much freedom, where
-    /// chi-squared and left-out blocks both say so, beyond the standard error: what came first hides the other, which it is
-    /// like.
-    pub(super) fn with_finer_instead(&self, mut fitted: Fitted, accepted: &mut [Accepted]) -> Fitted {
+    /// The fit with a finer form of what the model has in the place of an effect at the same joint
+    /// with as much freedom, where chi-squared and left-out blocks both say so, beyond the standard
+    /// error: what came first hides the other, which it is like.
+    pub(super) fn with_finer_instead(
+        &self,
+        mut fitted: Fitted,
+        accepted: &mut [Accepted],
+    ) -> Fitted {
         let given = fitted.terms().len() - accepted.len();
         for (k, step) in accepted.iter_mut().enumerate() {
             let own = fitted.terms()[given + k].clone();
@@ -106,9 +146,13 @@ impl Search<'_> {
             let others = finer.iter().filter_map(|term| self.best_constants(&bare, term));
             let others = others.map(|term| self.with_instead(&fitted, given + k, term));
             let is_better = |other: &Fitted| {
-                let [own_errors, errors] = [&fitted, other].map(|fit| fit.folds(&self.problem, &self.noise).errors());
+                let [own_errors, errors] =
+                    [&fitted, other].map(|fit| fit.folds(&self.problem, &self.noise).errors());
                 other.chi2 < fitted.chi2
-                    && own_errors.against(&errors, &self.problem, &self.joints_of(&own)).significance() > 1.0
+                    && own_errors
+                        .against(&errors, &self.problem, &self.joints_of(&own))
+                        .significance()
+                        > 1.0
             };
             if let Some(other) = others.into_iter().find(is_better) {
                 *step = self.exchanged(step, [&bare, &fitted, &other], given + k);
@@ -118,9 +162,11 @@ impl Search<'_> {
         fitted
     }
 
-    /// Finer forms of what the model has at the joint of a torque, with as much freedom, which are not in the fit.
+    /// Finer forms of what the model has at the joint of a torque, with as much freedom, which are
+    /// not in the fit.
     fn finer_at(&self, fitted: &Fitted, own: &Term) -> Vec<Term> {
-        if own.is_transform() || own.effect.reach() != Reach::Own || own.effect.refines().is_some() {
+        if own.is_transform() || own.effect.reach() != Reach::Own || own.effect.refines().is_some()
+        {
             return vec![];
         }
         let robot = self.problem.nominal.robot();
@@ -139,27 +185,44 @@ impl Search<'_> {
     }
 
     /// The fit with another term in the place of the one at `index`.
-    pub(in super::super) fn with_instead(&self, fitted: &Fitted, index: usize, term: Term) -> Fitted {
+    pub(in super::super) fn with_instead(
+        &self,
+        fitted: &Fitted,
+        index: usize,
+        term: Term,
+    ) -> Fitted {
         let mut terms = fitted.terms().to_vec();
         terms[index] = term;
         self.refit(fitted, terms)
     }
 
-    /// A step with another term in the place of its own: of `fits`, which are without either, with its own and with the
-    /// other, at `index`.
-    fn exchanged(&self, step: &Accepted, [bare, own, other]: [&Fitted; 3], index: usize) -> Accepted {
+    /// A step with another term in the place of its own: of `fits`, which are without either, with
+    /// its own and with the other, at `index`.
+    fn exchanged(
+        &self,
+        step: &Accepted,
+        [bare, own, other]: [&Fitted; 3],
+        index: usize,
+    ) -> Accepted {
         let mut rivals = vec![(own.terms()[index].clone(), self.score_of(bare, own))];
-        rivals
-            .extend(step.rivals.iter().filter(|(t, _)| t.effect.name() != other.terms()[index].effect.name()).cloned());
+        rivals.extend(
+            step.rivals
+                .iter()
+                .filter(|(t, _)| t.effect.name() != other.terms()[index].effect.name())
+                .cloned(),
+        );
         let (term, score) = (&other.terms()[index], self.score_of(bare, other));
-        let next = Accepted::new(term, score, [bare, other], (&self.errors(bare), &self.errors(other)));
+        let next =
+            Accepted::new(term, score, [bare, other], (&self.errors(bare), &self.errors(other)));
         Accepted { rivals, ..next }
     }
 
-    /// Other transforms that are confused with one, with constants of the same units: they begin at its values.
+    /// Other transforms that are confused with one, with constants of the same units: they begin at
+    /// its values.
     pub(super) fn transforms_like(&self, own: &Term) -> Vec<Term> {
         let robot = self.problem.nominal.robot();
-        let units = |effect: &dyn Effect| effect.constants().iter().map(|c| c.unit).collect::<Vec<_>>();
+        let units =
+            |effect: &dyn Effect| effect.constants().iter().map(|c| c.unit).collect::<Vec<_>>();
         let alike = |effect: &&Arc<dyn Effect>| {
             own.is_transform()
                 && effect.entry() == Entry::Transform
@@ -170,7 +233,11 @@ impl Search<'_> {
         };
         let begun = |effect: &Arc<dyn Effect>| {
             let values = own.constants.iter().zip(effect.constants());
-            Term::new(effect.clone(), own.site, values.map(|(value, c)| value.clamp(c.low, c.high)).collect())
+            Term::new(
+                effect.clone(),
+                own.site,
+                values.map(|(value, c)| value.clamp(c.low, c.high)).collect(),
+            )
         };
         self.catalogue.iter().filter(alike).map(begun).collect()
     }
@@ -194,7 +261,9 @@ impl Search<'_> {
             self.progress.step("check each effect again", 1, 1)?;
             let errors: Vec<HeldOut> = fits.par_iter().map(|fit| self.errors(fit)).collect();
             let mut weakest: Option<(f64, usize, Fitted)> = None;
-            for (k, (step, (without, errors))) in accepted.iter_mut().zip(fits.into_iter().zip(&errors)).enumerate() {
+            for (k, (step, (without, errors))) in
+                accepted.iter_mut().zip(fits.into_iter().zip(&errors)).enumerate()
+            {
                 step.score = self.score_of(&without, &fitted);
                 step.without = errors.total();
                 step.effect_size = errors.largest_fall_to(&with, &fitted.terms()[given + k]);

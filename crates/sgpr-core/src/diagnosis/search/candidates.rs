@@ -27,12 +27,14 @@ pub(in super::super) struct Candidate {
     pub impossible: bool,
     /// Whether it begins and ends, and explains many times what it would at any other time.
     pub stands_out: bool,
-    /// Error per joint on blocks that were left out, without and with it, N·m (N), of those that were judged.
+    /// Error per joint on blocks that were left out, without and with it, N·m (N), of those that
+    /// were judged.
     pub errors: Option<[Vec<f64>; 2]>,
 }
 
-/// Whether a constant is the range of speeds over which friction changes sign. One that the joint crosses within a sample
-/// cannot be told from none: it would hedge between the signs of a few samples.
+/// Whether a constant is the range of speeds over which friction changes sign. One that the joint
+/// crosses within a sample cannot be told from none: it would hedge between the signs of a few
+/// samples.
 pub(super) fn is_width_of_reversal(effect: &dyn Effect, constant: &Constant) -> bool {
     effect.refines().is_some() && constant.dimension() == Dimension::Speed
 }
@@ -42,8 +44,9 @@ pub(super) fn is_searched_apart(constant: &Constant) -> bool {
     matches!(constant.scale, Scale::Time | Scale::Order)
 }
 
-/// Indices of the peaks of a periodogram without its ends, those first that stand out most of the median of what is around them:
-/// a torque that is not periodic, and its side lobes, are larger than a line at many orders, but alike at neighbouring ones.
+/// Indices of the peaks of a periodogram without its ends, those first that stand out most of the
+/// median of what is around them: a torque that is not periodic, and its side lobes, are larger
+/// than a line at many orders, but alike at neighbouring ones.
 ///
 /// - `lobe`: width of a line
 fn lines_of(power: &[f64], lobe: usize) -> Vec<usize> {
@@ -57,7 +60,8 @@ fn lines_of(power: &[f64], lobe: usize) -> Vec<usize> {
         own[own.len() / 2].max(f64::MIN_POSITIVE)
     };
     let is_peak = |at: &usize| power[*at] >= power[at - 1] && power[*at] >= power[at + 1];
-    let mut peaks: Vec<(usize, f64)> = inner.filter(is_peak).map(|at| (at, power[at] / around(at))).collect();
+    let mut peaks: Vec<(usize, f64)> =
+        inner.filter(is_peak).map(|at| (at, power[at] / around(at))).collect();
     peaks.sort_by(|a, b| b.1.total_cmp(&a.1));
     peaks.into_iter().map(|(at, _)| at).collect()
 }
@@ -86,14 +90,18 @@ impl Search<'_> {
         contexts.iter().find_map(|context| effect.not_testable(context))
     }
 
-    /// One term per effect, site and point of the grid; those that need a search of their own are left out.
+    /// One term per effect, site and point of the grid; those that need a search of their own are
+    /// left out.
     pub(super) fn terms_to_try(&self, fitted: &Fitted) -> Vec<Term> {
         let robot = self.problem.nominal.robot();
         let mut terms = Vec::new();
         for effect in self.catalogue.iter().filter(|effect| self.wanted(effect.as_ref())) {
             let constants = effect.constants();
-            let limit = effect.entry() == Entry::Transform && constants.iter().any(|c| c.scale == Scale::Torque);
-            if limit || constants.iter().any(is_searched_apart) || self.not_testable(fitted, effect.as_ref()).is_some()
+            let limit = effect.entry() == Entry::Transform
+                && constants.iter().any(|c| c.scale == Scale::Torque);
+            if limit
+                || constants.iter().any(is_searched_apart)
+                || self.not_testable(fitted, effect.as_ref()).is_some()
             {
                 continue;
             }
@@ -109,27 +117,42 @@ impl Search<'_> {
     }
 
     /// Whether an effect is not in the fit at a site, and what it refines is in the model or there.
-    pub(in super::super) fn may_join(&self, fitted: &Fitted, effect: &dyn Effect, site: Site) -> bool {
-        let there = |name: &str| fitted.terms().iter().any(|t| t.effect.name() == name && t.site == site);
+    pub(in super::super) fn may_join(
+        &self,
+        fitted: &Fitted,
+        effect: &dyn Effect,
+        site: Site,
+    ) -> bool {
+        let there =
+            |name: &str| fitted.terms().iter().any(|t| t.effect.name() == name && t.site == site);
         let refines = |name: &str| self.known.iter().any(|known| known == name) || there(name);
         !there(effect.name()) && effect.refines().is_none_or(refines)
     }
 
     /// Constants to start from.
     pub(super) fn points(&self, effect: &dyn Effect, site: Site) -> Vec<Vec<f64>> {
-        let grids: Vec<Vec<f64>> = (0..effect.constants().len()).map(|k| self.grid(effect, site, k)).collect();
+        let grids: Vec<Vec<f64>> =
+            (0..effect.constants().len()).map(|k| self.grid(effect, site, k)).collect();
         sgpr_predict::internal::points_of(&grids)
     }
 
     /// The grids of effects whose own say no more than ranges.
-    pub(super) fn grids_by_shape(&self, fitted: &Fitted) -> HashMap<(String, Site, usize), Vec<f64>> {
+    pub(super) fn grids_by_shape(
+        &self,
+        fitted: &Fitted,
+    ) -> HashMap<(String, Site, usize), Vec<f64>> {
         let robot = self.problem.nominal.robot();
-        let testable =
-            |e: &&Arc<dyn Effect>| self.wanted(e.as_ref()) && self.not_testable(fitted, e.as_ref()).is_none();
+        let testable = |e: &&Arc<dyn Effect>| {
+            self.wanted(e.as_ref()) && self.not_testable(fitted, e.as_ref()).is_none()
+        };
         let mut grids = HashMap::new();
-        for effect in self.catalogue.iter().filter(|effect| effect.grids_span_ranges()).filter(testable) {
-            for (site, index) in
-                effect.sites(robot).into_iter().flat_map(|s| (0..effect.constants().len()).map(move |k| (s, k)))
+        for effect in
+            self.catalogue.iter().filter(|effect| effect.grids_span_ranges()).filter(testable)
+        {
+            for (site, index) in effect
+                .sites(robot)
+                .into_iter()
+                .flat_map(|s| (0..effect.constants().len()).map(move |k| (s, k)))
             {
                 let grid = self.grid_by_shape(fitted, effect, (site, index));
                 grids.insert((effect.name().to_string(), site, index), grid);
@@ -138,9 +161,15 @@ impl Search<'_> {
         grids
     }
 
-    /// Values of a constant of which neighbours have columns that explain half of each other, others in the middle of their
-    /// ranges: a torque that is periodic in a position needs many over a wide range, one that bends needs few.
-    fn grid_by_shape(&self, fitted: &Fitted, effect: &Arc<dyn Effect>, (site, index): (Site, usize)) -> Vec<f64> {
+    /// Values of a constant of which neighbours have columns that explain half of each other,
+    /// others in the middle of their ranges: a torque that is periodic in a position needs many
+    /// over a wide range, one that bends needs few.
+    fn grid_by_shape(
+        &self,
+        fitted: &Fitted,
+        effect: &Arc<dyn Effect>,
+        (site, index): (Site, usize),
+    ) -> Vec<f64> {
         /// Share of the squares.
         const ALIKE: f64 = 0.5;
         /// Of all constants together.
@@ -159,7 +188,8 @@ impl Search<'_> {
         let are_alike = |[(a, own), (b, other)]: [&(f64, Basis); 2]| {
             let squares = |x: &[f64]| x.iter().map(|x| x * x).sum::<f64>();
             let all: f64 = other.independent().iter().map(|column| dot(column, column)).sum();
-            let explained: f64 = other.independent().iter().map(|column| squares(&own.shares_of(column))).sum();
+            let explained: f64 =
+                other.independent().iter().map(|column| squares(&own.shares_of(column))).sum();
             explained >= ALIKE * all || (b - a).abs() < 1e-3 * b.abs().max(a.abs())
         };
         let constant = &effect.constants()[index];
@@ -218,8 +248,11 @@ impl Search<'_> {
         let n = self.problem.dof();
         let mut terms = Vec::new();
         for joint in 0..n {
-            let q = |&(stretch, sample): &(usize, usize)| self.problem.stretches[stretch].motion.q[sample * n + joint];
-            let samples = self.problem.rows[joint].iter().map(q).zip(fitted.residual[joint].iter().copied());
+            let q = |&(stretch, sample): &(usize, usize)| {
+                self.problem.stretches[stretch].motion.q[sample * n + joint]
+            };
+            let samples =
+                self.problem.rows[joint].iter().map(q).zip(fitted.residual[joint].iter().copied());
             let [low, high] = self.problem.ranges(joint).position;
             let lobe = (TAU / (high - low)).ceil().min(HIGHEST as f64) as usize;
             let lines = lines_of(&power_by_order(samples, LOWEST - 1..=HIGHEST + 1), lobe);
@@ -228,7 +261,10 @@ impl Search<'_> {
                 if constants.len() == 1 && constants[0].scale == Scale::Order {
                     let line = |at: &usize| vec![(at + LOWEST - 1) as f64];
                     terms.extend(
-                        lines.iter().take(MOST).map(|at| Term::new(effect.clone(), Site::Joint(joint), line(at))),
+                        lines
+                            .iter()
+                            .take(MOST)
+                            .map(|at| Term::new(effect.clone(), Site::Joint(joint), line(at))),
                     );
                 }
             }
@@ -243,7 +279,8 @@ impl Search<'_> {
         terms
     }
 
-    /// Every effect at every site at every point of its grid; those that begin or end at a time are left out.
+    /// Every effect at every site at every point of its grid; those that begin or end at a time are
+    /// left out.
     pub fn terms_of_ranking(&self, fitted: &Fitted) -> Vec<Term> {
         self.terms_to_try(fitted).into_iter().chain(self.orders_to_try(fitted)).collect()
     }
@@ -272,24 +309,33 @@ impl Search<'_> {
         terms.push(term.clone());
         let model = fitted.model.clone().with_terms(terms, self.problem.clock);
         let last = fitted.terms().len();
-        (0..term.constants.len()).map(|k| tangent(&self.problem, (&model, &fitted.rigid), (last, k))).collect()
+        (0..term.constants.len())
+            .map(|k| tangent(&self.problem, (&model, &fitted.rigid), (last, k)))
+            .collect()
     }
 
     /// Computes the columns that [`Self::raw`] will be asked for, on all cores.
     pub(super) fn prepare(&mut self, fitted: &Fitted, terms: &[Term]) -> Result<(), Interrupted> {
         /// Effects whose columns are made between two words to the listener.
         const AT_ONCE: usize = 24;
-        let missing: Vec<&Term> = terms.iter().filter(|term| !self.cache.contains_key(&key_of(term))).collect();
+        let missing: Vec<&Term> =
+            terms.iter().filter(|term| !self.cache.contains_key(&key_of(term))).collect();
         for (index, some) in missing.chunks(AT_ONCE).enumerate() {
             self.progress.step("columns of effects", AT_ONCE * index, missing.len())?;
-            let columns: Vec<_> = some.par_iter().map(|term| self.columns_of(fitted, term)).collect();
+            let columns: Vec<_> =
+                some.par_iter().map(|term| self.columns_of(fitted, term)).collect();
             self.cache.extend(some.iter().map(|term| key_of(term)).zip(columns));
         }
         self.progress.step("columns of effects", missing.len(), missing.len())
     }
 
-    /// The columns of terms in the band, tangents for a transform, which are not remembered any more.
-    pub fn take_columns(&mut self, fitted: &Fitted, terms: &[Term]) -> Result<Vec<Vec<Column>>, Interrupted> {
+    /// The columns of terms in the band, tangents for a transform, which are not remembered any
+    /// more.
+    pub fn take_columns(
+        &mut self,
+        fitted: &Fitted,
+        terms: &[Term],
+    ) -> Result<Vec<Vec<Column>>, Interrupted> {
         self.prepare(fitted, terms)?;
         let take = |term: &Term| self.cache.remove(&key_of(term)).unwrap_or_default();
         Ok(terms.iter().map(take).collect())
@@ -303,16 +349,21 @@ mod tests {
 
     #[test]
     fn a_ripple_is_found_beside_a_slow_torque_that_is_larger_at_most_orders() {
-        // A motion of three sine waves, a torque that bends with the position, a tenth of it periodic, and noise.
+        // A motion of three sine waves, a torque that bends with the position, a tenth of it
+        // periodic, and noise.
         let mut random = Random::new(7);
-        let wave = |k: usize, size: f64, rate: f64, phase: f64| size * (rate * k as f64 + phase).sin();
-        let position = |k| wave(k, 1.0, 0.0137, 0.0) + wave(k, 0.8, 0.0311, 1.0) + wave(k, 0.5, 0.0523, 2.0);
-        let mut sample = |q: f64| (q, 2.0 * q + q.powi(2) + 0.2 * (28.0 * q).cos() + 0.1 * random.normal());
+        let wave =
+            |k: usize, size: f64, rate: f64, phase: f64| size * (rate * k as f64 + phase).sin();
+        let position =
+            |k| wave(k, 1.0, 0.0137, 0.0) + wave(k, 0.8, 0.0311, 1.0) + wave(k, 0.5, 0.0523, 2.0);
+        let mut sample =
+            |q: f64| (q, 2.0 * q + q.powi(2) + 0.2 * (28.0 * q).cos() + 0.1 * random.normal());
         let samples: Vec<(f64, f64)> = (0..4000).map(|k| sample(position(k))).collect();
         let power = power_by_order(samples.into_iter(), 3..=201);
         let is_line = |at: &usize| (27..=29).contains(&(at + 3));
-        let mut largest: Vec<usize> =
-            (1..198).filter(|&at| power[at] >= power[at - 1] && power[at] >= power[at + 1]).collect();
+        let mut largest: Vec<usize> = (1..198)
+            .filter(|&at| power[at] >= power[at - 1] && power[at] >= power[at + 1])
+            .collect();
         largest.sort_by(|a, b| power[*b].total_cmp(&power[*a]));
         assert!(!largest[..3].iter().any(is_line), "{:?}", &largest[..3]);
         let lines = lines_of(&power, 2);

@@ -16,7 +16,8 @@ use crate::effects::Scale;
 use crate::model::{Term, times_of};
 use crate::progress::Interrupted;
 
-/// Whether what begins and ends lasts long enough to be something else than one wrong moment of the log.
+/// Whether what begins and ends lasts long enough to be something else than one wrong moment of the
+/// log.
 pub(super) fn lasts(term: &Term, constants: &[f64]) -> bool {
     /// Shortest time, s.
     const SHORTEST_S: f64 = 0.2;
@@ -49,21 +50,30 @@ impl Search<'_> {
         let term = Term::new(term.effect.clone(), term.site, constants.to_vec());
         let columns = self.problem.term_columns(&fitted.model, &fitted.rigid, &term);
         let precision = self.precision(&term, &columns);
-        let columns: Vec<Column> = columns.iter().map(|c| self.noise.whiten(&self.problem, c)).collect();
+        let columns: Vec<Column> =
+            columns.iter().map(|c| self.noise.whiten(&self.problem, c)).collect();
         let gain = gain_with(&basis.shares(&columns), white, (&columns, &precision), INVISIBLE);
         self.candidate(term, gain, constants.len())
     }
 
-    /// The constants of a term searched coordinate by coordinate, the rest of the model refitted linearly.
-    pub fn refine(&self, fitted: &Fitted, (basis, white): (&Basis, &Column), candidate: &Candidate) -> Candidate {
+    /// The constants of a term searched coordinate by coordinate, the rest of the model refitted
+    /// linearly.
+    pub fn refine(
+        &self,
+        fitted: &Fitted,
+        (basis, white): (&Basis, &Column),
+        candidate: &Candidate,
+    ) -> Candidate {
         let term = &candidate.term;
         if term.is_transform() || term.constants.is_empty() {
             return candidate.clone();
         }
-        let evaluate = |constants: &[f64]| self.with_constants(fitted, (basis, white), term, constants);
+        let evaluate =
+            |constants: &[f64]| self.with_constants(fitted, (basis, white), term, constants);
         let mut best = evaluate(&candidate.term.constants);
         let count = term.constants.len();
-        // Between two logs there are no rows, and all times are equal there: steps must reach the other side.
+        // Between two logs there are no rows, and all times are equal there: steps must reach the
+        // other side.
         for k in (0..count).filter(|k| term.effect.constants()[*k].scale == Scale::Time) {
             let [low, high] = self.bounds(term, k);
             let start = best.term.constants.clone();
@@ -86,8 +96,10 @@ impl Search<'_> {
             })
             .collect();
         // A step in the torque that is a few samples off leaves a spike.
-        let exact = |k: usize| if term.effect.constants()[k].scale == Scale::Time { 0.002 } else { 0.03 };
-        let smallest: Vec<f64> = steps.iter().enumerate().map(|(k, step)| exact(k) * step).collect();
+        let exact =
+            |k: usize| if term.effect.constants()[k].scale == Scale::Time { 0.002 } else { 0.03 };
+        let smallest: Vec<f64> =
+            steps.iter().enumerate().map(|(k, step)| exact(k) * step).collect();
         let logarithmic = |k: usize| term.effect.constants()[k].scale == Scale::Logarithmic;
         for _ in 0..40 {
             let mut moved = false;
@@ -97,12 +109,15 @@ impl Search<'_> {
                     let mut constants = best.term.constants.clone();
                     let value = constants[k];
                     let step = direction * steps[k];
-                    constants[k] = if logarithmic(k) { value * step.exp() } else { value + step }.clamp(low, high);
+                    constants[k] = if logarithmic(k) { value * step.exp() } else { value + step }
+                        .clamp(low, high);
                     if constants[k] == value || !lasts(term, &constants) {
                         continue;
                     }
                     let next = evaluate(&constants);
-                    if !next.impossible && (best.impossible || next.gain.chi2 > best.gain.chi2 + 0.02) {
+                    if !next.impossible
+                        && (best.impossible || next.gain.chi2 > best.gain.chi2 + 0.02)
+                    {
                         best = next;
                         moved = true;
                         break;
@@ -119,12 +134,20 @@ impl Search<'_> {
         Candidate { stands_out: candidate.stands_out, ..best }
     }
 
-    /// Candidates that may matter by what left-out blocks say of them, the most promising first. How much of the whitened
-    /// leftover they explain is no measure across joints: what the model lacks at one would hide all that others lack.
-    pub(super) fn promising(&self, fitted: &Fitted, standing: &Standing, candidates: &[Candidate]) -> Vec<Candidate> {
+    /// Candidates that may matter by what left-out blocks say of them, the most promising first.
+    /// How much of the whitened leftover they explain is no measure across joints: what the model
+    /// lacks at one would hide all that others lack.
+    pub(super) fn promising(
+        &self,
+        fitted: &Fitted,
+        standing: &Standing,
+        candidates: &[Candidate],
+    ) -> Vec<Candidate> {
         /// Least gain on left-out blocks, in its standard deviations, before constants are refined.
         const CHANCE: f64 = 1.0;
-        let own = |c: &&Candidate| !c.impossible && c.score > EVIDENCE && c.term.effect.refines().is_none();
+        let own = |c: &&Candidate| {
+            !c.impossible && c.score > EVIDENCE && c.term.effect.refines().is_none()
+        };
         let own: Vec<&Candidate> = candidates.iter().filter(own).collect();
         let outlook = |candidate: &&Candidate| {
             let term = &candidate.term;
@@ -134,7 +157,8 @@ impl Search<'_> {
             }
         };
         let outlooks: Vec<Outlook> = own.par_iter().map(outlook).collect();
-        let all = own.into_iter().zip(outlooks).filter(|(_, outlook)| outlook.significance > CHANCE);
+        let all =
+            own.into_iter().zip(outlooks).filter(|(_, outlook)| outlook.significance > CHANCE);
         let mut promising: Vec<(&Candidate, f64)> =
             all.map(|(candidate, outlook)| (candidate, outlook.density)).collect();
         promising.sort_by(|a, b| b.1.total_cmp(&a.1));
@@ -192,15 +216,19 @@ impl Search<'_> {
 
     /// The fit without the term at `index`, all else refitted.
     pub fn bare(&self, fitted: &Fitted, index: usize) -> Arc<Fitted> {
-        fitted.bare(index, &self.noise, || self.refit(fitted, super::without(fitted.terms(), &[index])))
+        fitted.bare(index, &self.noise, || {
+            self.refit(fitted, super::without(fitted.terms(), &[index]))
+        })
     }
 
-    /// The fit with the constants of those terms looked for anew that a removed one at their joint is confused with: it may
-    /// have stood for them while they described only what it left.
+    /// The fit with the constants of those terms looked for anew that a removed one at their joint
+    /// is confused with: it may have stood for them while they described only what it left.
     pub(super) fn with_imitated(&self, mut fitted: Fitted, removed: &Term) -> Fitted {
         let confused = |term: &Term| {
             let says = |a: &Term, b: &Term| a.effect.about().confusable.contains(&b.effect.name());
-            term.site == removed.site && !term.is_transform() && (says(term, removed) || says(removed, term))
+            term.site == removed.site
+                && !term.is_transform()
+                && (says(term, removed) || says(removed, term))
         };
         for k in 0..fitted.terms().len() {
             let term = fitted.terms()[k].clone();
@@ -219,12 +247,14 @@ impl Search<'_> {
         fitted
     }
 
-    /// A term beside a fit with its constants at the best point of their grids, refined, if there is a possible one.
+    /// A term beside a fit with its constants at the best point of their grids, refined, if there
+    /// is a possible one.
     pub(super) fn best_constants(&self, bare: &Fitted, term: &Term) -> Option<Term> {
         let residual = (bare.basis.as_ref(), &bare.white);
         let points = self.points(term.effect.as_ref(), term.site).into_iter();
         let candidates = points.map(|point| self.with_constants(bare, residual, term, &point));
-        let best = candidates.filter(|c| !c.impossible).max_by(|a, b| a.score.total_cmp(&b.score))?;
+        let best =
+            candidates.filter(|c| !c.impossible).max_by(|a, b| a.score.total_cmp(&b.score))?;
         Some(self.refine(bare, residual, &best).term)
     }
 

@@ -16,8 +16,8 @@ use crate::effects::Reach;
 use crate::model::Term;
 use crate::progress::Interrupted;
 
-/// Smallest fall of a left-out error on some joint that matters, as a share of what is left: of a torque in the band, of a transform
-/// as logged.
+/// Smallest fall of a left-out error on some joint that matters, as a share of what is left: of a
+/// torque in the band, of a transform as logged.
 pub(in super::super) fn material(term: &Term) -> f64 {
     if term.is_transform() { MATERIAL } else { MATTERS }
 }
@@ -49,24 +49,32 @@ impl HeldOut {
         self.in_band.iter().zip(&self.beyond).map(|(own, beyond)| own[0].hypot(beyond[0])).collect()
     }
 
-    /// Whether one more term makes the error of a joint many times as large: its parameters hang on a few rows.
+    /// Whether one more term makes the error of a joint many times as large: its parameters hang on
+    /// a few rows.
     pub(super) fn explodes_to(&self, after: &Self) -> bool {
         /// Many times.
         const TIMES: f64 = 10.0;
         self.total().iter().zip(after.total()).any(|(own, after)| after > TIMES * own)
     }
 
-    /// Whether the errors of some joints together are larger after, of some by more than those of others are smaller.
+    /// Whether the errors of some joints together are larger after, of some by more than those of
+    /// others are smaller.
     fn is_worse_at(&self, after: &Self, joints: &[usize]) -> bool {
         let [own, after] = [self, after].map(Self::total);
-        joints.iter().map(|&joint| (own[joint].max(TINY) / after[joint].max(TINY)).ln()).sum::<f64>() < 0.0
+        joints
+            .iter()
+            .map(|&joint| (own[joint].max(TINY) / after[joint].max(TINY)).ln())
+            .sum::<f64>()
+            < 0.0
     }
 
-    /// Largest fall on a joint with one more term, as a share of what is left, in all logs or in one: an effect of fast
-    /// motion matters although there are slow logs beside. That in one of N logs counts 1/√N, as its error is known by so
-    /// much less. Of a torque it is that in the band of the model: beyond it is noise of sensors, which on some robots is larger
-    /// than all else. A transform changes all that was logged, and is judged by it; but one that differentiates positions once
-    /// more carries their noise into the torque beyond the band, one that smooths takes it out: neither speaks for or against it.
+    /// Largest fall on a joint with one more term, as a share of what is left, in all logs or in
+    /// one: an effect of fast motion matters although there are slow logs beside. That in one of N
+    /// logs counts 1/√N, as its error is known by so much less. Of a torque it is that in the band
+    /// of the model: beyond it is noise of sensors, which on some robots is larger than all else. A
+    /// transform changes all that was logged, and is judged by it; but one that differentiates
+    /// positions once more carries their noise into the torque beyond the band, one that smooths
+    /// takes it out: neither speaks for or against it.
     pub(super) fn largest_fall_to(&self, after: &Self, term: &Term) -> f64 {
         let beyond = |joint: usize, k: usize| {
             let both = [self, after].map(|errors| errors.beyond[joint][k]);
@@ -136,8 +144,8 @@ impl Search<'_> {
         HeldOut::new(&self.problem, left_out, beyond(&self.problem, fitted))
     }
 
-    /// What the best candidates do to the errors on blocks that were left out: all parameters are refitted beside each, its
-    /// constants stay.
+    /// What the best candidates do to the errors on blocks that were left out: all parameters are
+    /// refitted beside each, its constants stay.
     pub(super) fn judge_best(
         &self,
         fitted: &Fitted,
@@ -149,8 +157,11 @@ impl Search<'_> {
         const MOST: usize = 16;
         /// Candidates between two words to the listener.
         const AT_ONCE: usize = 4;
-        let has_evidence = |c: &&mut Candidate| !c.impossible && c.score > 0.0 && c.term.effect.refines().is_none();
-        let mut best: Vec<&mut Candidate> = candidates.iter_mut().filter(has_evidence).take(MOST).collect();
+        let has_evidence = |c: &&mut Candidate| {
+            !c.impossible && c.score > 0.0 && c.term.effect.refines().is_none()
+        };
+        let mut best: Vec<&mut Candidate> =
+            candidates.iter_mut().filter(has_evidence).take(MOST).collect();
         let all = self.all_joints();
         let count = best.len();
         for (index, some) in best.chunks_mut(AT_ONCE).enumerate() {
@@ -167,25 +178,35 @@ impl Search<'_> {
     }
 
     /// A model without a term against the same with it, at the joints on which the term acts.
-    pub(in super::super) fn comparison(&self, without: &HeldOut, with: &HeldOut, term: &Term) -> Comparison {
+    pub(in super::super) fn comparison(
+        &self,
+        without: &HeldOut,
+        with: &HeldOut,
+        term: &Term,
+    ) -> Comparison {
         without.left_out.against(&with.left_out, &self.problem, &self.joints_of(term))
     }
 
-    /// Whether left-out blocks are surely predicted better with a term. What refines a given effect need not be sure, and
-    /// rows at a limit of the torque are no equations.
+    /// Whether left-out blocks are surely predicted better with a term. What refines a given effect
+    /// need not be sure, and rows at a limit of the torque are no equations.
     pub(super) fn is_sure(&self, without: &HeldOut, with: &HeldOut, term: &Term) -> bool {
         let asked = !is_limit(term) && term.effect.refines().is_none();
         !asked || self.comparison(without, with, term).significance() >= SURE
     }
 
-    /// Whether a torque makes the errors of the joints on which it acts larger: what lowers them in the band may ring beyond it.
+    /// Whether a torque makes the errors of the joints on which it acts larger: what lowers them in
+    /// the band may ring beyond it.
     pub(super) fn is_worse_with(&self, without: &HeldOut, with: &HeldOut, term: &Term) -> bool {
         !term.is_transform() && without.is_worse_at(with, &self.joints_of(term))
     }
 
     /// Joints on which a term acts.
     pub(in super::super) fn joints_of(&self, term: &Term) -> Vec<usize> {
-        match term.site.joint().filter(|_| term.effect.reach() == Reach::Own && !term.is_transform()) {
+        match term
+            .site
+            .joint()
+            .filter(|_| term.effect.reach() == Reach::Own && !term.is_transform())
+        {
             Some(joint) => vec![joint],
             None => self.all_joints(),
         }
@@ -196,9 +217,12 @@ impl Search<'_> {
     }
 }
 
-/// Whether a term cuts the torque. Rows at the limit are no equations: it shows in the torque as logged.
+/// Whether a term cuts the torque. Rows at the limit are no equations: it shows in the torque as
+/// logged.
 pub(in super::super) fn is_limit(term: &Term) -> bool {
-    term.site.joint().is_some_and(|joint| term.effect.limit(term.site, &term.constants, joint).is_some())
+    term.site
+        .joint()
+        .is_some_and(|joint| term.effect.limit(term.site, &term.constants, joint).is_some())
 }
 
 #[cfg(test)]
@@ -217,7 +241,8 @@ mod tests {
         assert!(before.is_worse_at(&errors([0.95, 1.1, 1.1]), &arm));
         assert!(!before.is_worse_at(&errors([0.95, 1.02, 1.02]), &arm));
         assert!(!before.is_worse_at(&errors([0.95, 1.1, 1.1]), &[0]));
-        let rings = HeldOut { beyond: vec![vec![6.0], vec![0.0], vec![0.0]], ..errors([0.5, 1.0, 1.0]) };
+        let rings =
+            HeldOut { beyond: vec![vec![6.0], vec![0.0], vec![0.0]], ..errors([0.5, 1.0, 1.0]) };
         assert!(before.is_worse_at(&rings, &[0]));
     }
 }

@@ -13,9 +13,10 @@ pub(super) const MANY: usize = 3;
 /// As likely as two standard deviations.
 pub(in super::super) const CERTAIN: f64 = 0.95;
 
-/// Of the terms at some indices of a fit, which act at a joint, those that only imitate a smooth function of its state. They
-/// are asked where that function predicts left-out blocks better than they do, or could still explain beside them more than
-/// half of what they do; or something that matters beside many of them.
+/// Of the terms at some indices of a fit, which act at a joint, those that only imitate a smooth
+/// function of its state. They are asked where that function predicts left-out blocks better than
+/// they do, or could still explain beside them more than half of what they do; or something that
+/// matters beside many of them.
 ///
 /// - `left`: share of the joint's left-out error that it could still take away
 pub(in super::super) fn imitations(
@@ -30,19 +31,24 @@ pub(in super::super) fn imitations(
     }
     let (problem, noise) = (&search.problem, &search.noise);
     let bare = search.refit(fitted, without(fitted.terms(), found));
-    let Some((smooth, with_smooth)) = processes.best(problem, &bare, noise, &[joint]) else { return vec![] };
+    let Some((smooth, with_smooth)) = processes.best(problem, &bare, noise, &[joint]) else {
+        return vec![];
+    };
     let with_found = search.errors(fitted).left_out;
     let explained = explained_share(joint, &search.errors(&bare).left_out, &with_found);
-    let weight_of_smooth =
-        |found: &LeftOut, smooth: &LeftOut| weights(problem, &[found, smooth], &[0.0; 2], &[joint])[1];
+    let weight_of_smooth = |found: &LeftOut, smooth: &LeftOut| {
+        weights(problem, &[found, smooth], &[0.0; 2], &[joint])[1]
+    };
     let of_smooth = weight_of_smooth(&with_found, &with_smooth);
-    // A change that no log shows is confounded with all that logs differ in: it stands where nothing else is in question, or
-    // where it surely predicts whole logs better, of which only those before and after it know.
+    // A change that no log shows is confounded with all that logs differ in: it stands where
+    // nothing else is in question, or where it surely predicts whole logs better, of which only
+    // those before and after it know.
     let between = |k: &usize| search.is_between_logs(&fitted.terms()[*k]);
     let between: Vec<usize> = found.iter().copied().filter(between).collect();
     if !between.is_empty() && (left > 0.0 || of_smooth > 1.0 - CERTAIN) {
         let with_found = fitted.part_fits(problem, noise).errors();
-        let with_smooth = processes.errors_of(&smooth, problem, &bare.part_fits(problem, noise), &[joint]);
+        let with_smooth =
+            processes.errors_of(&smooth, problem, &bare.part_fits(problem, noise), &[joint]);
         if weight_of_smooth(&with_found, &with_smooth) > 1.0 - CERTAIN {
             return between;
         }
@@ -58,9 +64,11 @@ pub(in super::super) fn imitations(
     let mut best = smooth.evidence;
     loop {
         let trial = |k: usize| {
-            let out: Vec<usize> = found.iter().copied().filter(|f| *f != k && !kept.contains(f)).collect();
+            let out: Vec<usize> =
+                found.iter().copied().filter(|f| *f != k && !kept.contains(f)).collect();
             let with = search.refit(fitted, without(fitted.terms(), &out));
-            search.score_of(&bare, &with) + processes.evidence_beside(&smooth, problem, &with, noise)
+            search.score_of(&bare, &with)
+                + processes.evidence_beside(&smooth, problem, &with, noise)
         };
         let rest: Vec<usize> = found.iter().copied().filter(|k| !kept.contains(k)).collect();
         let evidence: Vec<(usize, f64)> = rest.into_par_iter().map(|k| (k, trial(k))).collect();
@@ -75,7 +83,8 @@ pub(in super::super) fn imitations(
     found.iter().copied().filter(|k| !kept.contains(k)).collect()
 }
 
-/// By how much the square of a joint's left-out error falls with something, as a share of what is left of it.
+/// By how much the square of a joint's left-out error falls with something, as a share of what is
+/// left of it.
 pub(in super::super) fn explained_share(joint: usize, without: &LeftOut, with: &LeftOut) -> f64 {
     without.mean_square(joint) / with.mean_square(joint) - 1.0
 }
@@ -89,11 +98,14 @@ pub(in super::super) fn is_much(left: f64, explained: f64) -> bool {
     1.0 - (1.0 - left).powi(2) > HALF * explained
 }
 
-/// Whether a term of a fit surely lowers the error of a joint on fifths of its positions, and on fifths of its speeds, that
-/// were left out.
+/// Whether a term of a fit surely lowers the error of a joint on fifths of its positions, and on
+/// fifths of its speeds, that were left out.
 fn holds_elsewhere(search: &Search<'_>, fitted: &Fitted, index: usize, joint: usize) -> bool {
     let (problem, noise) = (&search.problem, &search.noise);
     let bare = search.bare(fitted, index);
     let [without, with] = [&bare, fitted].map(|fit| left_out_states(problem, fit, noise, joint));
-    without.iter().zip(&with).all(|(without, with)| without.against(with, problem, &[joint]).significance() >= SURE)
+    without
+        .iter()
+        .zip(&with)
+        .all(|(without, with)| without.against(with, problem, &[joint]).significance() >= SURE)
 }

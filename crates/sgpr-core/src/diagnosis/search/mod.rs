@@ -59,7 +59,12 @@ pub(super) struct Accepted {
 
 impl Accepted {
     /// The last term of `fits`, which are without and with it, and the errors of both.
-    fn new(term: &Term, score: f64, fits: [&Fitted; 2], (without, with): (&HeldOut, &HeldOut)) -> Self {
+    fn new(
+        term: &Term,
+        score: f64,
+        fits: [&Fitted; 2],
+        (without, with): (&HeldOut, &HeldOut),
+    ) -> Self {
         Self {
             effect: term.effect.name().into(),
             site: term.site,
@@ -103,7 +108,8 @@ impl Outcome {
 
     /// The same without what stood only beside terms that are gone.
     pub fn reduced(mut self, search: &Search<'_>) -> Result<Self, Interrupted> {
-        (self.fitted, self.accepted) = search.backward(self.fitted, self.accepted, &|step| !step.wanted)?;
+        (self.fitted, self.accepted) =
+            search.backward(self.fitted, self.accepted, &|step| !step.wanted)?;
         self.held_out = search.held_out(&self.fitted);
         Ok(self)
     }
@@ -126,18 +132,25 @@ pub(super) fn others(mut accepted: Vec<Accepted>, fitted: &Fitted, out: &[usize]
     accepted
 }
 
-/// Whether a term refines what the model has already and does not matter, or is shorter than the time between two samples
-/// and of little effect, and nobody asked for it.
+/// Whether a term refines what the model has already and does not matter, or is shorter than the
+/// time between two samples and of little effect, and nobody asked for it.
 fn is_silent(term: &Term, step: &Accepted, period: f64) -> bool {
-    let times = term.is_transform() && term.effect.constants().iter().all(|c| c.dimension() == Dimension::Time);
-    let within = || term.constants.iter().all(|c| c.abs() < WITHIN_A_SAMPLE * period) && step.effect_size < LITTLE;
-    !step.wanted && ((term.effect.refines().is_some() && step.effect_size < material(term)) || (times && within()))
+    let times = term.is_transform()
+        && term.effect.constants().iter().all(|c| c.dimension() == Dimension::Time);
+    let within = || {
+        term.constants.iter().all(|c| c.abs() < WITHIN_A_SAMPLE * period)
+            && step.effect_size < LITTLE
+    };
+    !step.wanted
+        && ((term.effect.refines().is_some() && step.effect_size < material(term))
+            || (times && within()))
 }
 
 /// Torque and position of one row may be taken at moments that are this share of a period apart ...
 const WITHIN_A_SAMPLE: f64 = 0.6;
 
-/// ... which goes without saying as long as no joint's error falls by more than this share of what is left.
+/// ... which goes without saying as long as no joint's error falls by more than this share of what
+/// is left.
 const LITTLE: f64 = 0.08;
 
 /// Scores below this are no evidence.
@@ -160,7 +173,8 @@ pub(super) struct Search<'a> {
     pub units: f64,
     pub rows: f64,
     cache: HashMap<TermKey, Vec<Column>>,
-    /// Values to start from, by effect, site and index of the constant, where the effect has none of its own.
+    /// Values to start from, by effect, site and index of the constant, where the effect has none
+    /// of its own.
     grids: HashMap<(String, Site, usize), Vec<f64>>,
     progress: &'a dyn Progress,
     /// Hears of the candidates before the search ends.
@@ -185,15 +199,16 @@ impl<'a> Search<'a> {
         Self { problem, catalogue, known, noise, units, rows, cache, grids, progress, ranked }
     }
 
-    /// The accepted terms with their indices in the fit and what the search knows of them, those that refine an effect of
-    /// the model or align clocks within a sample left out.
+    /// The accepted terms with their indices in the fit and what the search knows of them, those
+    /// that refine an effect of the model or align clocks within a sample left out.
     pub fn news<'f>(
         &self,
         fitted: &'f Fitted,
         accepted: &'f [Accepted],
     ) -> impl Iterator<Item = (usize, &'f Accepted)> + use<'f> {
         let given = fitted.terms().len() - accepted.len();
-        let period = self.problem.stretches.iter().map(|s| 1.0 / s.motion.rate_hz).fold(0.0, f64::max);
+        let period =
+            self.problem.stretches.iter().map(|s| 1.0 / s.motion.rate_hz).fold(0.0, f64::max);
         let steps = accepted.iter().enumerate().map(move |(k, accepted)| (given + k, accepted));
         steps.filter(move |(k, step)| !is_silent(&fitted.terms()[*k], step, period))
     }
@@ -225,7 +240,8 @@ impl<'a> Search<'a> {
         let mut fitted = start.clone();
         let mut accepted: Vec<Accepted> = Vec::new();
         let mut ranking = None;
-        // Joints where a smooth function of the state does better than many effects: their rows would mislead.
+        // Joints where a smooth function of the state does better than many effects: their rows
+        // would mislead.
         let mut closed = vec![false; self.problem.dof()];
         self.progress.step(STAGE, 0, MOST_TERMS)?;
         for (next, step) in self.limits(&fitted) {
@@ -245,7 +261,12 @@ impl<'a> Search<'a> {
                 (self.ranked)(self, &candidates);
             }
             let promising = self.promising(&fitted, &standing, &candidates);
-            match self.next_step(&fitted, (&standing, &accepted), (&basis, &white), (&candidates, &promising))? {
+            match self.next_step(
+                &fitted,
+                (&standing, &accepted),
+                (&basis, &white),
+                (&candidates, &promising),
+            )? {
                 None => {
                     ranking.get_or_insert(candidates);
                     break;
@@ -282,10 +303,18 @@ impl<'a> Search<'a> {
         let start = solve(&self.problem, &start.model, start.terms(), &self.noise);
         self.progress.step(STAGE, MOST_TERMS, MOST_TERMS)?;
         let [held_out_before, held_out] = [&start, &fitted].map(|fit| self.held_out(fit));
-        Ok(Outcome { start, fitted, accepted, ranking: ranking.unwrap_or_default(), held_out_before, held_out })
+        Ok(Outcome {
+            start,
+            fitted,
+            accepted,
+            ranking: ranking.unwrap_or_default(),
+            held_out_before,
+            held_out,
+        })
     }
 
-    /// What the steps forward found, in likelier, plainer or finer forms, without what is not needed.
+    /// What the steps forward found, in likelier, plainer or finer forms, without what is not
+    /// needed.
     fn settle(
         &mut self,
         found: Fitted,
@@ -306,12 +335,19 @@ impl<'a> Search<'a> {
         self.backward(fitted, accepted, &is_closed)
     }
 
-    /// The joint of the last accepted term and the terms there, if there are many and they only imitate a smooth function
-    /// of the state.
-    fn many_imitations(&self, fitted: &Fitted, accepted: &[Accepted]) -> Option<(usize, Vec<usize>)> {
+    /// The joint of the last accepted term and the terms there, if there are many and they only
+    /// imitate a smooth function of the state.
+    fn many_imitations(
+        &self,
+        fitted: &Fitted,
+        accepted: &[Accepted],
+    ) -> Option<(usize, Vec<usize>)> {
         let joint = accepted.last()?.site.joint()?;
-        let at_joint = |k: &usize| fitted.terms()[*k].site.joint() == Some(joint) && !is_limit(&fitted.terms()[*k]);
-        let own: Vec<usize> = self.news(fitted, accepted).map(|(k, _)| k).filter(at_joint).collect();
+        let at_joint = |k: &usize| {
+            fitted.terms()[*k].site.joint() == Some(joint) && !is_limit(&fitted.terms()[*k])
+        };
+        let own: Vec<usize> =
+            self.news(fitted, accepted).map(|(k, _)| k).filter(at_joint).collect();
         let out = if own.len() < MANY {
             vec![]
         } else {
@@ -329,7 +365,8 @@ impl<'a> Search<'a> {
     /// Score of going from one fit to a larger one.
     pub fn score_of(&self, small: &Fitted, large: &Fitted) -> f64 {
         let constants = |f: &Fitted| f.terms().iter().map(|t| t.constants.len()).sum::<usize>();
-        let size = (large.basis.rank() + constants(large)) as f64 - (small.basis.rank() + constants(small)) as f64;
+        let size = (large.basis.rank() + constants(large)) as f64
+            - (small.basis.rank() + constants(small)) as f64;
         0.5 * (small.chi2 - large.chi2) - 0.5 * size * self.rows.max(2.0).ln() - self.units.ln()
     }
 }

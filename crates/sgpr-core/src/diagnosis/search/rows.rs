@@ -8,15 +8,18 @@ use crate::effects::{Dimension, Site};
 use crate::model::Term;
 use crate::progress::Interrupted;
 
-/// How much later than the motion a term says that the whole torque is logged, s; `None` if it says nothing of it.
+/// How much later than the motion a term says that the whole torque is logged, s; `None` if it says
+/// nothing of it.
 pub(super) fn delay(term: &Term) -> Option<f64> {
     let [constant] = term.effect.constants() else { return None };
-    let late = term.is_transform() && term.site == Site::Arm && constant.dimension() == Dimension::Time;
+    let late =
+        term.is_transform() && term.site == Site::Arm && constant.dimension() == Dimension::Time;
     late.then(|| term.constants[0])
 }
 
 impl Search<'_> {
-    /// The fit without the moments before reversals at which joints stick, if there are joints that do.
+    /// The fit without the moments before reversals at which joints stick, if there are joints that
+    /// do.
     pub(super) fn without_holds(
         &mut self,
         fitted: &Fitted,
@@ -32,10 +35,14 @@ impl Search<'_> {
                 continue;
             }
             let tried = DURATIONS_S.map(|seconds| {
-                let column = self.noise.whiten(&self.problem, &self.problem.approach_column(joint, seconds));
+                let column =
+                    self.noise.whiten(&self.problem, &self.problem.approach_column(joint, seconds));
                 (seconds, gain(basis, white, &[column], INVISIBLE))
             });
-            let best = tried.into_iter().max_by(|a, b| a.1.chi2.total_cmp(&b.1.chi2)).expect("some durations");
+            let best = tried
+                .into_iter()
+                .max_by(|a, b| a.1.chi2.total_cmp(&b.1.chi2))
+                .expect("some durations");
             let (seconds, gain) = best;
             let size = gain.coefficients[0];
             if 0.5 * gain.chi2 > 3.0 * EVIDENCE && size > self.noise.level[joint] {
@@ -48,13 +55,18 @@ impl Search<'_> {
         self.on_other_rows(fitted).map(Some)
     }
 
-    /// The fit without the moments after rests into which a delay, if it is the last term, carries the torque of the rest:
-    /// a lag that rounds steps would look better.
-    pub(super) fn without_late_rests(&mut self, fitted: &Fitted) -> Result<Option<Fitted>, Interrupted> {
+    /// The fit without the moments after rests into which a delay, if it is the last term, carries
+    /// the torque of the rest: a lag that rounds steps would look better.
+    pub(super) fn without_late_rests(
+        &mut self,
+        fitted: &Fitted,
+    ) -> Result<Option<Fitted>, Interrupted> {
         /// Of the delay, which other effects may hide in part.
         const FARTHER: f64 = 2.0;
         let seconds = FARTHER * fitted.terms().last().and_then(delay).unwrap_or_default();
-        if seconds <= self.problem.after_rest || self.problem.leave_out_after_rests(seconds).is_err() {
+        if seconds <= self.problem.after_rest
+            || self.problem.leave_out_after_rests(seconds).is_err()
+        {
             return Ok(None);
         }
         self.on_other_rows(fitted).map(Some)

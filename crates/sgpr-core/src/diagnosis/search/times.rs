@@ -14,9 +14,10 @@ use crate::model::Term;
 /// Resolution of the grid of times, s.
 pub(super) const TIME_STEP: f64 = 0.5;
 
-/// The windows with the largest gains of which none overlap: first and last moment, and whether it stands out. A contact is
-/// told from the model's own errors by left-out blocks: where they are largest need not be where it was. A short one is in few
-/// blocks; but what the model lacks explains as much in many windows.
+/// The windows with the largest gains of which none overlap: first and last moment, and whether it
+/// stands out. A contact is told from the model's own errors by left-out blocks: where they are
+/// largest need not be where it was. A short one is in few blocks; but what the model lacks
+/// explains as much in many windows.
 ///
 /// - `windows`: gain, first and last moment
 fn apart(mut windows: Vec<(f64, usize, usize)>) -> Vec<(usize, usize, bool)> {
@@ -31,8 +32,14 @@ fn apart(mut windows: Vec<(f64, usize, usize)>) -> Vec<(usize, usize, bool)> {
             apart.push(window);
         }
     }
-    let stands_out = |k: usize| apart.get(k + 1).is_some_and(|next| apart[k].0 > STANDS_OUT * next.0);
-    apart.iter().enumerate().take(MOST).map(|(k, (_, first, last))| (*first, *last, stands_out(k))).collect()
+    let stands_out =
+        |k: usize| apart.get(k + 1).is_some_and(|next| apart[k].0 > STANDS_OUT * next.0);
+    apart
+        .iter()
+        .enumerate()
+        .take(MOST)
+        .map(|(k, (_, first, last))| (*first, *last, stands_out(k)))
+        .collect()
 }
 
 /// Gain from the sums of a window of time.
@@ -47,11 +54,13 @@ pub(super) fn switched_gain(sum: &[f64], k: usize, r: usize) -> Gain {
 }
 
 impl Search<'_> {
-    /// Whether no log shows a change at one joint, with two blocks before it and two after it, from which a scatter could be
-    /// told: then it says no more than that logs differ, which every law that the model lacks makes them do.
+    /// Whether no log shows a change at one joint, with two blocks before it and two after it, from
+    /// which a scatter could be told: then it says no more than that logs differ, which every law
+    /// that the model lacks makes them do.
     pub(in super::super) fn is_between_logs(&self, term: &Term) -> bool {
         let mut times = term.times();
-        let (Some(time), None, Reach::Own) = (times.next(), times.next(), term.effect.reach()) else {
+        let (Some(time), None, Reach::Own) = (times.next(), times.next(), term.effect.reach())
+        else {
             return false;
         };
         let margin = 2.0 * self.problem.block_s;
@@ -62,8 +71,14 @@ impl Search<'_> {
         time.is_finite() && !self.problem.stretches.iter().any(shows)
     }
 
-    /// Effects that begin, or begin and end, at a time: sums over blocks of time give every change point.
-    pub(super) fn scan_times(&mut self, fitted: &Fitted, basis: &Basis, white: &Column) -> Vec<Candidate> {
+    /// Effects that begin, or begin and end, at a time: sums over blocks of time give every change
+    /// point.
+    pub(super) fn scan_times(
+        &mut self,
+        fitted: &Fitted,
+        basis: &Basis,
+        white: &Column,
+    ) -> Vec<Candidate> {
         let mut found = Vec::new();
         let robot = self.problem.nominal.robot().clone();
         let [start, end] = self.problem.time_span();
@@ -82,27 +97,38 @@ impl Search<'_> {
                 continue;
             }
             for site in effect.sites(&robot) {
-                if times == 1 && fitted.terms().iter().any(|t| t.effect.name() == effect.name() && t.site == site) {
+                if times == 1
+                    && fitted
+                        .terms()
+                        .iter()
+                        .any(|t| t.effect.name() == effect.name() && t.site == site)
+                {
                     continue;
                 }
                 let always = [f64::NEG_INFINITY, f64::INFINITY];
                 let whole = Term::new(effect.clone(), site, always[..times].to_vec());
-                let columns: Vec<Column> =
-                    self.raw(fitted, &whole).iter().map(|c| self.noise.whiten(&self.problem, c)).collect();
+                let columns: Vec<Column> = self
+                    .raw(fitted, &whole)
+                    .iter()
+                    .map(|c| self.noise.whiten(&self.problem, c))
+                    .collect();
                 let sums = self.sums_over_time(basis, white, &columns, start, bins);
                 let k = columns.len();
                 let gain = |first: usize, last: usize| {
-                    let sum: Vec<f64> = sums[last].iter().zip(&sums[first]).map(|(b, a)| b - a).collect();
+                    let sum: Vec<f64> =
+                        sums[last].iter().zip(&sums[first]).map(|(b, a)| b - a).collect();
                     switched_gain(&sum, k, basis.rank())
                 };
                 let mut windows: Vec<(f64, usize, usize)> = Vec::new();
-                let mut consider = |first: usize, last: usize| windows.push((gain(first, last).chi2, first, last));
+                let mut consider =
+                    |first: usize, last: usize| windows.push((gain(first, last).chi2, first, last));
                 let time = |bin: usize| start + bin as f64 * TIME_STEP;
                 if times == 1 {
                     (2..bins - 2).for_each(|first| consider(first, bins));
                 } else {
                     for first in 1..bins - 2 {
-                        // A contact lasts at most a quarter of the session: longer ones are changes of payload.
+                        // A contact lasts at most a quarter of the session: longer ones are changes
+                        // of payload.
                         let longest = (first + (bins / 4).max(4)).min(bins - 1);
                         (first + 1..longest).for_each(|last| consider(first, last));
                     }
@@ -118,7 +144,8 @@ impl Search<'_> {
         found
     }
 
-    /// Running sums over the time of the session: per bin [ZᵀZ, ZᵀQ, Zᵀy], one entry more than bins.
+    /// Running sums over the time of the session: per bin [ZᵀZ, ZᵀQ, Zᵀy], one entry more than
+    /// bins.
     pub(super) fn sums_over_time(
         &self,
         basis: &Basis,
@@ -183,7 +210,8 @@ mod tests {
     #[test]
     fn a_short_contact_stands_out_and_slow_errors_do_not() {
         let mut random = Random::new(11);
-        // Errors that remember for ten moments, of which a push of the same size for eight is ten times as large.
+        // Errors that remember for ten moments, of which a push of the same size for eight is ten
+        // times as large.
         let mut slow = 0.0;
         let errors: Vec<f64> = (0..300)
             .map(|_| {
@@ -202,8 +230,11 @@ mod tests {
             apart(windows)
         };
         assert!(of(&errors).iter().all(|(.., stands_out)| !stands_out));
-        let pushed: Vec<f64> =
-            errors.iter().enumerate().map(|(k, e)| if (120..128).contains(&k) { e + 15.0 } else { *e }).collect();
+        let pushed: Vec<f64> = errors
+            .iter()
+            .enumerate()
+            .map(|(k, e)| if (120..128).contains(&k) { e + 15.0 } else { *e })
+            .collect();
         let found = of(&pushed);
         assert_eq!(found.len(), 4);
         assert_eq!(found[0], (120, 128, true));

@@ -31,7 +31,8 @@ const MOST_BINS: usize = 240;
 /// Functions of the state: constant, direction, speed, two of the position, load.
 const FUNCTIONS: usize = 6;
 
-/// Rows farther out than this many standard deviations are drawn in: spikes at reversals are no change.
+/// Rows farther out than this many standard deviations are drawn in: spikes at reversals are no
+/// change.
 const FARTHEST: f64 = 4.0;
 
 /// Gram matrix, product with the residual and number of rows, of some rows.
@@ -54,14 +55,18 @@ pub(super) fn change(rows: &JointRows, noise: &[f64]) -> Option<Change> {
     let sigma = spread(&innovations).max(1e-300);
     y.iter_mut().for_each(|y| *y = y.clamp(-most, most) / sigma);
     let z = functions(rows).map(|column| white(&column));
-    let [start, end] = rows.time.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], t| [a.min(*t), b.max(*t)]);
+    let [start, end] = rows
+        .time
+        .iter()
+        .fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], t| [a.min(*t), b.max(*t)]);
     let step = STEP_S.max((end - start) / MOST_BINS as f64);
     let bins = ((end - start) / step).ceil().max(1.0) as usize;
     let sums = running_sums(rows, &z, &y, [start, step], bins);
     let total = sums[bins].clone();
     let alone = explained(&total);
     let rows_between = |a: usize, b: usize| sums[b][WIDTH - 1] - sums[a][WIDTH - 1];
-    let part = |a: usize, b: usize| -> Sums { sums[b].iter().zip(&sums[a]).map(|(x, y)| x - y).collect() };
+    let part =
+        |a: usize, b: usize| -> Sums { sums[b].iter().zip(&sums[a]).map(|(x, y)| x - y).collect() };
     let count = rows.len() as f64;
     let penalty = 0.5 * (FUNCTIONS + 1) as f64 * count.ln();
     let least = 30.0;
@@ -76,7 +81,9 @@ pub(super) fn change(rows: &JointRows, noise: &[f64]) -> Option<Change> {
     // A change that ends: what is before and after is the same.
     for first in 1..bins {
         for last in first + 1..bins {
-            if rows_between(first, last) >= least && rows_between(0, first) + rows_between(last, bins) >= least {
+            if rows_between(first, last) >= least
+                && rows_between(0, first) + rows_between(last, bins) >= least
+            {
                 let inside = part(first, last);
                 let outside: Sums = total.iter().zip(&inside).map(|(t, i)| t - i).collect();
                 let gain = explained(&inside) + explained(&outside) - alone;
@@ -86,9 +93,11 @@ pub(super) fn change(rows: &JointRows, noise: &[f64]) -> Option<Change> {
     }
     let best = scores.iter().copied().max_by(|a, b| a.3.total_cmp(&b.3))?;
     let (begin, finish, gain, score) = best;
-    // One over the number of moments is the prior of each; moments beside the best share its evidence.
+    // One over the number of moments is the prior of each; moments beside the best share its
+    // evidence.
     let same_kind = |s: &&(usize, usize, f64, f64)| s.1 == finish;
-    let mut moments: Vec<(usize, f64)> = scores.iter().filter(same_kind).map(|s| (s.0, (s.3 - score).exp())).collect();
+    let mut moments: Vec<(usize, f64)> =
+        scores.iter().filter(same_kind).map(|s| (s.0, (s.3 - score).exp())).collect();
     let mass: f64 = moments.iter().map(|(_, weight)| weight).sum();
     let odds = score + mass.ln() - (bins as f64).ln();
     moments.sort_by(|a, b| b.1.total_cmp(&a.1));

@@ -1,4 +1,5 @@
-//! What is left of a joint's torque: is it noise, what does it depend on, what shape has it, when does it begin?
+//! What is left of a joint's torque: is it noise, what does it depend on, what shape has it, when
+//! does it begin?
 //!
 //! Works on the residual of any model on any logs: of a comparison as of a diagnosis.
 
@@ -39,7 +40,8 @@ pub struct Dependence {
 pub struct Input {
     /// The variable: `speed of joint_2`.
     pub variable: String,
-    /// Share of the residual's variance on unseen blocks that a smooth function of it alone explains.
+    /// Share of the residual's variance on unseen blocks that a smooth function of it alone
+    /// explains.
     pub alone: f64,
     /// Share that is lost without it: its total effect, interactions included.
     pub total: f64,
@@ -49,7 +51,8 @@ pub struct Input {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct Shares {
-    /// A smooth function of position, speed, acceleration and load explains it on blocks of time that it has not seen.
+    /// A smooth function of position, speed, acceleration and load explains it on blocks of time
+    /// that it has not seen.
     pub state: f64,
     /// A function of time explains of the rest.
     pub time: f64,
@@ -69,9 +72,11 @@ pub struct JointStructure {
     pub rows: usize,
     /// How many independent rows tell as much, by the memory of the residual.
     pub independent_rows: f64,
-    /// Probability that noise is as far from white as the residual is, once whitened as what is left needs it.
+    /// Probability that noise is as far from white as the residual is, once whitened as what is
+    /// left needs it.
     pub whiteness: f64,
-    /// Functions of the state with a correlation beyond three and a half standard deviations, largest first.
+    /// Functions of the state with a correlation beyond three and a half standard deviations,
+    /// largest first.
     pub dependence: Vec<Dependence>,
     /// Whence its variance comes.
     pub shares: Shares,
@@ -122,7 +127,9 @@ pub fn structure_of_logs(model: &TorqueModel, logs: &[&LogResidual]) -> Vec<Join
     let robot = model.robot();
     let decimation = |log: &&LogResidual| {
         let band = model.processing().and_then(|processing| processing.torque_cutoff_hz);
-        band.map_or(1, |band| (log.motion.rate_hz / (ROWS_PER_CUTOFF * band)).floor().max(1.0) as usize)
+        band.map_or(1, |band| {
+            (log.motion.rate_hz / (ROWS_PER_CUTOFF * band)).floor().max(1.0) as usize
+        })
     };
     let decimation = logs.first().map_or(1, decimation);
     by_joint(robot, |joint| JointRows::of_logs(logs, robot.dof(), decimation, joint))
@@ -139,7 +146,10 @@ pub(super) fn structure_of_fit(problem: &Problem, fitted: &Fitted) -> Vec<JointS
 fn by_joint(robot: &Robot, rows: impl Fn(usize) -> JointRows + Sync) -> Vec<JointStructure> {
     let names: Vec<&str> = robot.joint_names().collect();
     let unit = |joint: usize| robot.joints()[joint].kind.position_unit();
-    (0..names.len()).into_par_iter().map(|joint| analyse(&rows(joint), &names, unit(joint))).collect()
+    (0..names.len())
+        .into_par_iter()
+        .map(|joint| analyse(&rows(joint), &names, unit(joint)))
+        .collect()
 }
 
 fn analyse(rows: &JointRows, names: &[&str], unit: &str) -> JointStructure {
@@ -163,16 +173,19 @@ fn analyse(rows: &JointRows, names: &[&str], unit: &str) -> JointStructure {
         return found;
     }
     let state = of_state(rows);
-    let rest: Vec<f64> = rows.residual.iter().zip(&state.explained.predicted).map(|(r, p)| r - p).collect();
+    let rest: Vec<f64> =
+        rows.residual.iter().zip(&state.explained.predicted).map(|(r, p)| r - p).collect();
     let by_time = of_time(rows, &rest);
     let noise: Vec<f64> = rest.iter().zip(&by_time.predicted).map(|(r, p)| r - p).collect();
     let left = noise.iter().map(|x| x * x).sum::<f64>() / energy;
-    let (by_state, time) = (state.explained.share.max(0.0), (1.0 - state.explained.share.max(0.0) - left).max(0.0));
+    let (by_state, time) =
+        (state.explained.share.max(0.0), (1.0 - state.explained.share.max(0.0) - left).max(0.0));
     found.shares = Shares { state: by_state, time, noise: 1.0 - by_state - time };
     let phi = autoregression(&noise, &rows.run);
     found.whiteness = portmanteau(&rows.residual, &rows.run, &phi);
     let own_memory = memory(&rows.residual, &rows.run);
-    found.independent_rows = (count / (1.0 + 2.0 * own_memory.iter().sum::<f64>()).max(1.0)).max(1.0);
+    found.independent_rows =
+        (count / (1.0 + 2.0 * own_memory.iter().sum::<f64>()).max(1.0)).max(1.0);
     found.dependence = dependence(rows, names, &memory(&noise, &rows.run));
     found.change = change::change(&rows.with_residual(rest), &noise)
         .map(|found| change::Change { share: found.share * (1.0 - by_state), ..found })
@@ -190,21 +203,26 @@ struct OfState {
     variables: Vec<Variable>,
     smooth: Smooth,
     explained: Explained,
-    /// A periodic function of the joint's own position: periods per turn and share, if there is one.
+    /// A periodic function of the joint's own position: periods per turn and share, if there is
+    /// one.
     periodic: Option<shape::Periodic>,
 }
 
 fn of_state(rows: &JointRows) -> OfState {
     let few = rows.thinned(ROWS_TO_CHOOSE);
     let joint = rows.joint;
-    let own = [Variable::Position(joint), Variable::Speed(joint), Variable::Acceleration, Variable::Load];
-    let others = (0..rows.q.len()).filter(|j| *j != joint).flat_map(|j| [Variable::Position(j), Variable::Speed(j)]);
+    let own =
+        [Variable::Position(joint), Variable::Speed(joint), Variable::Acceleration, Variable::Load];
+    let others = (0..rows.q.len())
+        .filter(|j| *j != joint)
+        .flat_map(|j| [Variable::Position(j), Variable::Speed(j)]);
     let all: Vec<Variable> = own.into_iter().chain(others).collect();
     let share = |variables: &[Variable]| {
         let smooth = Smooth::new(&few, variables, FEATURES_TO_CHOOSE, 1);
         cross_validated(&smooth.columns(&few, false), &few.residual, &few.fold).share
     };
-    let gains = |more: f64, less: f64| more > less.max(0.0) + LEAST_GAIN + LEAST_SHARE * less.max(0.0);
+    let gains =
+        |more: f64, less: f64| more > less.max(0.0) + LEAST_GAIN + LEAST_SHARE * less.max(0.0);
     let best_of = |sets: Vec<Vec<Variable>>| {
         let scored = sets.into_iter().map(|set| (share(&set), set));
         scored.max_by(|a, b| a.0.total_cmp(&b.0)).expect("some variables")
@@ -222,7 +240,11 @@ fn of_state(rows: &JointRows) -> OfState {
         (value, chosen) = pair;
     }
     while !chosen.is_empty() && chosen.len() < MOST_INPUTS {
-        let more = all.iter().filter(|v| !chosen.contains(v)).map(|v| [&chosen[..], &[*v]].concat()).collect();
+        let more = all
+            .iter()
+            .filter(|v| !chosen.contains(v))
+            .map(|v| [&chosen[..], &[*v]].concat())
+            .collect();
         let next = best_of(more);
         if !gains(next.0, value) {
             break;
@@ -232,7 +254,8 @@ fn of_state(rows: &JointRows) -> OfState {
     let smooth = Smooth::new(rows, &chosen, if chosen.is_empty() { 0 } else { FEATURES }, 2);
     let mut columns = smooth.columns(rows, false);
     let mut explained = cross_validated(&columns, &rows.residual, &rows.fold);
-    let rest: Vec<f64> = rows.residual.iter().zip(&explained.predicted).map(|(r, p)| r - p).collect();
+    let rest: Vec<f64> =
+        rows.residual.iter().zip(&explained.predicted).map(|(r, p)| r - p).collect();
     let mut periodic = shape::periodic(&rows.with_residual(rest));
     if let Some(found) = &mut periodic {
         columns.extend(found.columns(rows));
@@ -262,37 +285,53 @@ impl OfState {
             .variables
             .iter()
             .map(|variable| {
-                let others: Vec<Variable> = self.variables.iter().filter(|v| *v != variable).copied().collect();
+                let others: Vec<Variable> =
+                    self.variables.iter().filter(|v| *v != variable).copied().collect();
                 let name = name_of(*variable, names, rows.joint);
-                Input { variable: name, alone: share(&[*variable]), total: (all - share(&others)).max(0.0) }
+                Input {
+                    variable: name,
+                    alone: share(&[*variable]),
+                    total: (all - share(&others)).max(0.0),
+                }
             })
             .collect();
         if let Some(periodic) = &self.periodic {
             let own = name_of(Variable::Position(rows.joint), names, rows.joint);
             match inputs.iter_mut().find(|input| input.variable == own) {
                 Some(input) => input.total += periodic.share,
-                None => inputs.push(Input { variable: own, alone: periodic.share, total: periodic.share }),
+                None => inputs.push(Input {
+                    variable: own,
+                    alone: periodic.share,
+                    total: periodic.share,
+                }),
             }
         }
-        inputs.sort_by(|a, b| b.total.total_cmp(&a.total).then_with(|| a.variable.cmp(&b.variable)));
+        inputs
+            .sort_by(|a, b| b.total.total_cmp(&a.total).then_with(|| a.variable.cmp(&b.variable)));
         inputs
     }
 }
 
-/// A function of time on what the state leaves: slow waves, alone, with the direction and with the load.
+/// A function of time on what the state leaves: slow waves, alone, with the direction and with the
+/// load.
 fn of_time(rows: &JointRows, rest: &[f64]) -> Explained {
     /// Slow waves over the session.
     const WAVES: usize = 8;
     if rows.time.is_empty() {
         return Explained { predicted: vec![0.0; rows.len()], ..Explained::default() };
     }
-    let [start, end] = rows.time.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], t| [a.min(*t), b.max(*t)]);
+    let [start, end] = rows
+        .time
+        .iter()
+        .fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], t| [a.min(*t), b.max(*t)]);
     let size = rows.load.iter().fold(1e-12, |size: f64, tau| size.max(tau.abs()));
     let mut columns = Vec::new();
     for wave in 0..WAVES {
         let factor = std::f64::consts::PI * wave as f64 / (end - start).max(1e-9);
         let slow: Vec<f64> = rows.time.iter().map(|t| (factor * (t - start)).cos()).collect();
-        let times = |function: &dyn Fn(usize) -> f64| slow.iter().enumerate().map(|(k, x)| x * function(k)).collect();
+        let times = |function: &dyn Fn(usize) -> f64| {
+            slow.iter().enumerate().map(|(k, x)| x * function(k)).collect()
+        };
         columns.push(times(&|k| sgn(rows.dq[rows.joint][k])));
         columns.push(times(&|k| rows.load[k] / size));
         columns.push(slow);
@@ -352,8 +391,16 @@ fn summary(found: &JointStructure) -> String {
     let mut parts = Vec::new();
     if state > MATERIAL {
         let inputs: Vec<&str> = found.inputs.iter().map(|input| input.variable.as_str()).collect();
-        let on = if inputs.is_empty() { "nothing that varies: it is constant".into() } else { inputs.join(", ") };
-        let shape = if found.shape.is_empty() { String::new() } else { format!(" ({})", found.shape.join("; ")) };
+        let on = if inputs.is_empty() {
+            "nothing that varies: it is constant".into()
+        } else {
+            inputs.join(", ")
+        };
+        let shape = if found.shape.is_empty() {
+            String::new()
+        } else {
+            format!(" ({})", found.shape.join("; "))
+        };
         parts.push(format!("{} of the variance depends on {on}{shape}", percent(state)));
     }
     if time > MATERIAL {

@@ -89,7 +89,10 @@ impl JointRows {
                     rows.time.push((log.time()[sample] - start) as f64 * 1e-9);
                 }
                 rows.residual.push(in_band.residual(sample));
-                rows.push_state(&log.motion.q[sample * dof..][..dof], &log.motion.dq[sample * dof..][..dof]);
+                rows.push_state(
+                    &log.motion.q[sample * dof..][..dof],
+                    &log.motion.dq[sample * dof..][..dof],
+                );
                 rows.ddq.push(log.motion.ddq[at]);
                 rows.load.push(in_band.predicted[sample]);
             }

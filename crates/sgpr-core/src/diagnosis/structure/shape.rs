@@ -25,18 +25,23 @@ impl Periodic {
     pub fn columns(&self, rows: &JointRows) -> [Vec<f64>; 2] {
         let (q, dq) = (&rows.q[rows.joint], &rows.dq[rows.joint]);
         let sign = |k: usize| if self.with_direction { sgn(dq[k]) } else { 1.0 };
-        let of = |f: fn(f64) -> f64| q.iter().enumerate().map(|(k, q)| sign(k) * f(self.order * q)).collect();
+        let of = |f: fn(f64) -> f64| {
+            q.iter().enumerate().map(|(k, q)| sign(k) * f(self.order * q)).collect()
+        };
         [of(f64::cos), of(f64::sin)]
     }
 }
 
-/// The strongest line of a periodogram over the position, if the range shows two periods of it and it stands out.
+/// The strongest line of a periodogram over the position, if the range shows two periods of it and
+/// it stands out.
 pub(super) fn periodic(rows: &JointRows) -> Option<Periodic> {
     /// A line is periodic if it has so many times the median power.
     const STANDS_OUT: f64 = 12.0;
     let (q, dq) = (&rows.q[rows.joint], &rows.dq[rows.joint]);
-    let [low, high] = q.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], q| [a.min(*q), b.max(*q)]);
-    let first = (*ORDERS.start()).max((2.0 * std::f64::consts::TAU / (high - low).max(1e-9)).ceil().min(1e6) as usize);
+    let [low, high] =
+        q.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], q| [a.min(*q), b.max(*q)]);
+    let first = (*ORDERS.start())
+        .max((2.0 * std::f64::consts::TAU / (high - low).max(1e-9)).ceil().min(1e6) as usize);
     let power = |with_direction: bool, order: f64| {
         let sums = q.iter().zip(dq).zip(&rows.residual).fold([0.0; 2], |[a, b], ((q, dq), r)| {
             let r = if with_direction { r * sgn(*dq) } else { *r };
@@ -61,7 +66,8 @@ pub(super) fn periodic(rows: &JointRows) -> Option<Periodic> {
     }
     let (_, with_direction, around) = best?;
     let near = (-20..=20).map(|k| around + 0.05 * f64::from(k));
-    let order = near.max_by(|a, b| power(with_direction, *a).total_cmp(&power(with_direction, *b)))?;
+    let order =
+        near.max_by(|a, b| power(with_direction, *a).total_cmp(&power(with_direction, *b)))?;
     Some(Periodic { order, with_direction, share: 0.0 })
 }
 
@@ -82,7 +88,9 @@ pub(super) fn words(rows: &JointRows, state: &OfState, unit: &str) -> Vec<String
     let depends = |variable: Variable| state.variables.contains(&variable);
     if depends(Variable::Speed(joint)) {
         let mirrored = value(&state.smooth.columns(rows, true));
-        let part = |sign: f64| f.iter().zip(&mirrored).map(|(a, b)| (0.5 * (a + sign * b)).powi(2)).sum::<f64>();
+        let part = |sign: f64| {
+            f.iter().zip(&mirrored).map(|(a, b)| (0.5 * (a + sign * b)).powi(2)).sum::<f64>()
+        };
         let (even, odd) = (part(1.0), part(-1.0));
         match odd / (odd + even).max(1e-300) {
             share if share > 0.85 => words.push("odd in the speed".into()),
@@ -100,7 +108,8 @@ pub(super) fn words(rows: &JointRows, state: &OfState, unit: &str) -> Vec<String
     if depends(Variable::Position(joint)) {
         let slope = correlation(&rows.q[joint], &f);
         if slope.abs() > 0.9 {
-            words.push(format!("{} with the position", if slope > 0.0 { "rises" } else { "falls" }));
+            words
+                .push(format!("{} with the position", if slope > 0.0 { "rises" } else { "falls" }));
         }
     }
     if depends(Variable::Acceleration) {
@@ -130,7 +139,8 @@ pub(super) fn words(rows: &JointRows, state: &OfState, unit: &str) -> Vec<String
 fn correlation(x: &[f64], y: &[f64]) -> f64 {
     let count = x.len().max(1) as f64;
     let (mx, my) = (x.iter().sum::<f64>() / count, y.iter().sum::<f64>() / count);
-    let product =
-        |a: &[f64], ma: f64, b: &[f64], mb: f64| a.iter().zip(b).map(|(a, b)| (a - ma) * (b - mb)).sum::<f64>();
+    let product = |a: &[f64], ma: f64, b: &[f64], mb: f64| {
+        a.iter().zip(b).map(|(a, b)| (a - ma) * (b - mb)).sum::<f64>()
+    };
     product(x, mx, y, my) / (product(x, mx, x, mx) * product(y, my, y, my)).max(1e-300).sqrt()
 }

@@ -1,4 +1,5 @@
-//! How much of a residual a smooth function of some variables explains on blocks of time that it has not seen.
+//! How much of a residual a smooth function of some variables explains on blocks of time that it
+//! has not seen.
 //!
 //! Ridge regression on random Fourier features, the weight of the penalty chosen by the blocks.
 //!
@@ -7,7 +8,9 @@
 use std::ops::Range;
 
 use faer::linalg::matmul::triangular::{self, BlockStructure};
-use faer::linalg::triangular_solve::{solve_lower_triangular_in_place, solve_upper_triangular_in_place};
+use faer::linalg::triangular_solve::{
+    solve_lower_triangular_in_place, solve_upper_triangular_in_place,
+};
 use faer::{Accum, Col, ColRef, Mat, MatRef, Par};
 
 use super::super::problem::FOLDS;
@@ -25,7 +28,8 @@ pub(super) enum Variable {
     Load,
 }
 
-/// A third of the features see a speed through asinh(dq / share of the highest): what happens near a reversal is stretched.
+/// A third of the features see a speed through asinh(dq / share of the highest): what happens near
+/// a reversal is stretched.
 const SLOW_SHARE: f64 = 0.02;
 
 /// Length scales of the features, in standard deviations of the variables.
@@ -84,7 +88,8 @@ impl Smooth {
                     let sign = if mirrored && joint == rows.joint { -1.0 } else { 1.0 };
                     let slow = SLOW_SHARE * self.top[joint];
                     inputs.push(rows.dq[joint].iter().map(|dq| sign * dq).collect());
-                    inputs.push(rows.dq[joint].iter().map(|dq| (sign * dq / slow).asinh()).collect());
+                    inputs
+                        .push(rows.dq[joint].iter().map(|dq| (sign * dq / slow).asinh()).collect());
                 }
             }
         }
@@ -97,7 +102,11 @@ impl Smooth {
         let mut columns = vec![vec![1.0; rows.len()]];
         for (weights, phase) in &self.draws {
             let mut column = vec![*phase; rows.len()];
-            let used = inputs.iter().zip(weights).zip(&self.moments).filter(|((_, weight), _)| **weight != 0.0);
+            let used = inputs
+                .iter()
+                .zip(weights)
+                .zip(&self.moments)
+                .filter(|((_, weight), _)| **weight != 0.0);
             for ((values, weight), (mean, deviation)) in used {
                 let factor = weight / deviation;
                 column.iter_mut().zip(values).for_each(|(x, value)| *x += factor * (value - mean));
@@ -112,7 +121,8 @@ impl Smooth {
 /// What columns explain.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Explained {
-    /// Share of the residual's energy that is explained on blocks that were left out; negative if it only fits noise.
+    /// Share of the residual's energy that is explained on blocks that were left out; negative if
+    /// it only fits noise.
     pub share: f64,
     /// What each row is predicted to be by the other blocks.
     pub predicted: Vec<f64>,
@@ -120,7 +130,8 @@ pub(super) struct Explained {
     pub coefficients: Vec<f64>,
 }
 
-/// Products of some rows of columns with each other, `[k, k]`, the lower triangle, and with a target, `[k]`.
+/// Products of some rows of columns with each other, `[k, k]`, the lower triangle, and with a
+/// target, `[k]`.
 struct RidgeSums {
     gram: Mat<f64>,
     target: Vec<f64>,
@@ -132,7 +143,17 @@ impl RidgeSums {
         let mut gram = Mat::zeros(k, k);
         let lower = BlockStructure::TriangularLower;
         let all = BlockStructure::Rectangular;
-        triangular::matmul(gram.as_mut(), lower, Accum::Replace, columns.transpose(), all, columns, all, 1.0, Par::Seq);
+        triangular::matmul(
+            gram.as_mut(),
+            lower,
+            Accum::Replace,
+            columns.transpose(),
+            all,
+            columns,
+            all,
+            1.0,
+            Par::Seq,
+        );
         let along = columns.transpose() * ColRef::from_slice(target);
         Self { gram, target: along.iter().copied().collect() }
     }
@@ -153,7 +174,12 @@ impl RidgeSums {
         let k = self.target.len();
         let mean = (0..k).map(|i| self.gram[(i, i)]).sum::<f64>() / k as f64;
         let shift = penalty * mean + f64::MIN_POSITIVE;
-        let shifted = Mat::from_fn(k, k, |i, j| if i == j { self.gram[(i, j)] + shift } else { self.gram[(i, j)] });
+        let shifted =
+            Mat::from_fn(
+                k,
+                k,
+                |i, j| if i == j { self.gram[(i, j)] + shift } else { self.gram[(i, j)] },
+            );
         let mut x = Col::from_fn(k, |i| self.target[i]);
         match cholesky(shifted.as_ref()) {
             Some(upper) => {
@@ -181,7 +207,11 @@ pub(super) fn cross_validated(columns: &[Vec<f64>], target: &[f64], fold: &[usiz
     let k = columns.len();
     let energy = dot_in_lanes(target, target);
     if energy <= 0.0 || k == 0 {
-        return Explained { share: 0.0, predicted: vec![0.0; target.len()], coefficients: vec![0.0; k] };
+        return Explained {
+            share: 0.0,
+            predicted: vec![0.0; target.len()],
+            coefficients: vec![0.0; k],
+        };
     }
     // Rows of a fold side by side.
     let mut order: Vec<usize> = (0..fold.len()).collect();
@@ -196,8 +226,10 @@ pub(super) fn cross_validated(columns: &[Vec<f64>], target: &[f64], fold: &[usiz
         first = end;
     }
     let rows = |range: &Range<usize>| sorted.as_ref().subrows(range.start, range.len());
-    let products: Vec<RidgeSums> = ranges.iter().map(|range| RidgeSums::new(rows(range), &y[range.clone()])).collect();
-    let others: Vec<RidgeSums> = (0..FOLDS).map(|index| RidgeSums::sum(&products, Some(index))).collect();
+    let products: Vec<RidgeSums> =
+        ranges.iter().map(|range| RidgeSums::new(rows(range), &y[range.clone()])).collect();
+    let others: Vec<RidgeSums> =
+        (0..FOLDS).map(|index| RidgeSums::sum(&products, Some(index))).collect();
     let with = |penalty: f64| {
         let all: Vec<Col<f64>> = others.iter().map(|others| others.ridge(penalty)).collect();
         let left: f64 = products.iter().zip(&all).map(|(own, x)| own.change(x)).sum();

@@ -5,7 +5,8 @@ use statrs::distribution::{ChiSquared, ContinuousCDF};
 use super::rows::JointRows;
 use sgpr_predict::internal::Autoregression;
 
-/// Highest order of the autoregression that describes noise: what passed a low-pass remembers many rows.
+/// Highest order of the autoregression that describes noise: what passed a low-pass remembers many
+/// rows.
 const ORDER: usize = 20;
 
 /// Lags of the portmanteau test beyond the order.
@@ -25,7 +26,8 @@ pub(super) fn autoregression(values: &[f64], run: &[usize]) -> Vec<f64> {
     Autoregression::of(&covariance, values.len() as f64).phi
 }
 
-/// Innovations of a series and their runs; rows without enough past are left out by a run of zero and the value zero.
+/// Innovations of a series and their runs; rows without enough past are left out by a run of zero
+/// and the value zero.
 pub(super) fn whitened(values: &[f64], run: &[usize], phi: &[f64]) -> (Vec<f64>, Vec<usize>) {
     let innovation = |k: usize| {
         if run[k] < phi.len() {
@@ -40,13 +42,16 @@ pub(super) fn whitened(values: &[f64], run: &[usize], phi: &[f64]) -> (Vec<f64>,
 /// Mean product of values that are `lag` rows apart, and the number of such pairs.
 fn product(a: &[f64], b: &[f64], run: &[usize], lag: usize) -> (f64, f64) {
     let pairs = (lag..a.len()).filter(|&k| run[k] >= lag);
-    let (sum, count) = pairs.fold((0.0, 0.0), |(sum, count), k| (sum + a[k] * b[k - lag], count + 1.0));
+    let (sum, count) =
+        pairs.fold((0.0, 0.0), |(sum, count), k| (sum + a[k] * b[k - lag], count + 1.0));
     (sum / f64::max(count, 1.0), count)
 }
 
-/// Probability that noise with the autoregression `phi` is as far from white as `residual` is, once whitened with it.
+/// Probability that noise with the autoregression `phi` is as far from white as `residual` is, once
+/// whitened with it.
 ///
-/// Source: G. M. Ljung, G. E. P. Box, On a measure of lack of fit in time series models, Biometrika 65(2) (1978).
+/// Source: G. M. Ljung, G. E. P. Box, On a measure of lack of fit in time series models, Biometrika
+/// 65(2) (1978).
 pub(super) fn portmanteau(residual: &[f64], run: &[usize], phi: &[f64]) -> f64 {
     let (white, run) = whitened(residual, run, phi);
     let (variance, _) = product(&white, &white, &run, 0);
@@ -82,11 +87,11 @@ pub(super) fn memory(noise: &[f64], run: &[usize]) -> Vec<f64> {
     correlations
 }
 
-/// Correlation of a residual with a function of the state, and its standard deviation for noise that remembers itself:
-/// (1 + 2 sum of both autocorrelations' products) / N.
+/// Correlation of a residual with a function of the state, and its standard deviation for noise
+/// that remembers itself: (1 + 2 sum of both autocorrelations' products) / N.
 ///
-/// Source: M. S. Bartlett, Some aspects of the time-correlation problem in regard to tests of significance, J. R. Stat.
-/// Soc. 98 (1935).
+/// Source: M. S. Bartlett, Some aspects of the time-correlation problem in regard to tests of
+/// significance, J. R. Stat. Soc. 98 (1935).
 pub(super) fn correlation(rows: &JointRows, function: &[f64], memory: &[f64]) -> (f64, f64) {
     let count = rows.len() as f64;
     let centred = |values: &[f64]| -> Vec<f64> {
@@ -139,10 +144,12 @@ mod tests {
             let noise = first_order(seed, 0.8, 2000);
             let phi = autoregression(&noise, &run);
             rejected += usize::from(portmanteau(&noise, &run, &phi) < 0.05);
-            let with: Vec<f64> = noise.iter().enumerate().map(|(k, x)| x + 2.0 * (0.02 * k as f64).sin()).collect();
+            let with: Vec<f64> =
+                noise.iter().enumerate().map(|(k, x)| x + 2.0 * (0.02 * k as f64).sin()).collect();
             assert!(portmanteau(&with, &run, &phi) < 1e-4);
         }
-        // 5 % of 200 with a standard deviation of 3; the order was chosen from the same numbers, so somewhat fewer.
+        // 5 % of 200 with a standard deviation of 3; the order was chosen from the same numbers, so
+        // somewhat fewer.
         assert!((1..20).contains(&rejected), "{rejected}");
     }
 
@@ -153,11 +160,13 @@ mod tests {
         for seed in 0..200 {
             let noise = first_order(2 * seed, 0.9, 1500);
             let x = first_order(2 * seed + 1, 0.95, 1500);
-            let rows = JointRows { run: run.clone(), residual: noise.clone(), ..JointRows::default() };
+            let rows =
+                JointRows { run: run.clone(), residual: noise.clone(), ..JointRows::default() };
             let (value, deviation) = correlation(&rows, &x, &memory(&noise, &run));
             outside += usize::from(value.abs() > 2.0 * deviation);
         }
-        // 4.6 % of 200 is 9 with a standard deviation of 3; the band of white noise would leave more than half outside.
+        // 4.6 % of 200 is 9 with a standard deviation of 3; the band of white noise would leave
+        // more than half outside.
         assert!((1..22).contains(&outside), "{outside}");
     }
 }

@@ -87,13 +87,19 @@ impl ParameterBounds {
 mod open_interval {
     use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-    pub fn serialize<S: Serializer>(range: &Option<[f64; 2]>, serializer: S) -> Result<S::Ok, S::Error> {
+    pub fn serialize<S: Serializer>(
+        range: &Option<[f64; 2]>,
+        serializer: S,
+    ) -> Result<S::Ok, S::Error> {
         range.map(|sides| sides.map(|side| side.is_finite().then_some(side))).serialize(serializer)
     }
 
-    pub fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<[f64; 2]>, D::Error> {
+    pub fn deserialize<'de, D: Deserializer<'de>>(
+        deserializer: D,
+    ) -> Result<Option<[f64; 2]>, D::Error> {
         let range: Option<[Option<f64>; 2]> = Option::deserialize(deserializer)?;
-        Ok(range.map(|[low, high]| [low.unwrap_or(f64::NEG_INFINITY), high.unwrap_or(f64::INFINITY)]))
+        Ok(range
+            .map(|[low, high]| [low.unwrap_or(f64::NEG_INFINITY), high.unwrap_or(f64::INFINITY)]))
     }
 }
 
@@ -127,7 +133,9 @@ impl Bound {
     /// How far inside a point is, in the unit of the rows, which are scaled to order one.
     pub fn margin(&self, x: &[f64]) -> f64 {
         match &self.rows {
-            BoundRows::NonNegative(rows) => rows.iter().map(|row| row.value(x)).fold(f64::INFINITY, f64::min),
+            BoundRows::NonNegative(rows) => {
+                rows.iter().map(|row| row.value(x)).fold(f64::INFINITY, f64::min)
+            }
             BoundRows::Ball(rows) => {
                 let distance: f64 = rows[1..].iter().map(|row| row.value(x).powi(2)).sum();
                 rows[0].value(x) - distance.sqrt()
@@ -143,7 +151,8 @@ pub(super) struct BadBound {
     pub reason: String,
 }
 
-/// All limits of the physics of effects and of the user, in scaled variables: parameter = scale * variable.
+/// All limits of the physics of effects and of the user, in scaled variables: parameter = scale *
+/// variable.
 pub(super) fn collect(
     bounds: &PhysicalBounds,
     robot: &Robot,
@@ -153,7 +162,10 @@ pub(super) fn collect(
     let parameter = |index: usize| Affine::variable(index, scale[index]);
     let mut all = Vec::new();
     for index in (set.inertial()..set.len()).filter(|index| set.is_non_negative(*index)) {
-        let bound = Bound::linear(format!("{} >= 0", set.names()[index]), vec![Affine::variable(index, 1.0)]);
+        let bound = Bound::linear(
+            format!("{} >= 0", set.names()[index]),
+            vec![Affine::variable(index, 1.0)],
+        );
         all.push(Bound { given: false, ..bound });
     }
     for link in &bounds.links {
@@ -165,11 +177,16 @@ pub(super) fn collect(
         })?;
         let first = position * PARAMETERS_PER_LINK;
         if let Some(range) = link.mass {
-            let text = |side: &str, value: f64| format!("mass of the link of `{joint}` {side} {value} kg");
+            let text =
+                |side: &str, value: f64| format!("mass of the link of `{joint}` {side} {value} kg");
             all.extend(two_sided(&parameter(first), range, scale[first], text)?);
         }
         if let Some(region) = link.centre {
-            all.extend(region.bounds(joint, [0, 1, 2, 3].map(|k| parameter(first + k)), scale[first])?);
+            all.extend(region.bounds(
+                joint,
+                [0, 1, 2, 3].map(|k| parameter(first + k)),
+                scale[first],
+            )?);
         }
     }
     if let Some(range) = bounds.total_mass {
@@ -181,11 +198,13 @@ pub(super) fn collect(
         })?);
     }
     for bound in &bounds.parameters {
-        let index = set.names().iter().position(|name| *name == bound.name).ok_or_else(|| BadBound {
-            bound: format!("the limits on `{}`", bound.name),
-            reason: "there is no such parameter; names are as in `joint_2.Fv`".into(),
-        })?;
-        let range = [bound.lowest.unwrap_or(f64::NEG_INFINITY), bound.highest.unwrap_or(f64::INFINITY)];
+        let index =
+            set.names().iter().position(|name| *name == bound.name).ok_or_else(|| BadBound {
+                bound: format!("the limits on `{}`", bound.name),
+                reason: "there is no such parameter; names are as in `joint_2.Fv`".into(),
+            })?;
+        let range =
+            [bound.lowest.unwrap_or(f64::NEG_INFINITY), bound.highest.unwrap_or(f64::INFINITY)];
         let unit = set.units()[index];
         let text = |side: &str, value: f64| format!("{} {side} {value} {unit}", bound.name);
         all.extend(two_sided(&parameter(index), range, scale[index], text)?);
@@ -193,15 +212,17 @@ pub(super) fn collect(
     Ok(all)
 }
 
-/// An arm weighs at most this many times as much as the weight that makes its largest torque on a lever of its whole reach.
-/// That is 22 to 24 kg from logs of the Panda, 27 to 40 of the KUKA LWR and 12 to 17 of Baxter's arm.
+/// An arm weighs at most this many times as much as the weight that makes its largest torque on a
+/// lever of its whole reach. That is 22 to 24 kg from logs of the Panda, 27 to 40 of the KUKA LWR
+/// and 12 to 17 of Baxter's arm.
 const CLASS: f64 = 10.0;
 
 /// Standard gravity, m/s².
 const GRAVITY: f64 = 9.806_65;
 
-/// No link is heavier than the whole arm: that of the robot file or, if the file has placeholders, that of an arm with such
-/// torques. Nothing for masses that motion reveals by themselves, and none that the user limits.
+/// No link is heavier than the whole arm: that of the robot file or, if the file has placeholders,
+/// that of an arm with such torques. Nothing for masses that motion reveals by themselves, and none
+/// that the user limits.
 ///
 /// - `torque`: size of the torque per joint, N·m (N), `[n]`
 pub(super) fn masses(
@@ -215,19 +236,26 @@ pub(super) fn masses(
     if bounds.total_mass.is_some() {
         return Vec::new();
     }
-    let whole = (0..robot.dof()).map(|link| nominal[link * PARAMETERS_PER_LINK].max(0.0)).sum::<f64>();
-    let reach = robot.joints().iter().skip(1).map(|joint| joint.placement.translation.norm()).sum::<f64>();
+    let whole =
+        (0..robot.dof()).map(|link| nominal[link * PARAMETERS_PER_LINK].max(0.0)).sum::<f64>();
+    let reach =
+        robot.joints().iter().skip(1).map(|joint| joint.placement.translation.norm()).sum::<f64>();
     let lever = |joint: &Joint| if joint.kind.is_rotation() { reach } else { 1.0 };
-    let lifted = robot.joints().iter().zip(torque).map(|(joint, torque)| torque / (GRAVITY * lever(joint)));
+    let lifted =
+        robot.joints().iter().zip(torque).map(|(joint, torque)| torque / (GRAVITY * lever(joint)));
     let most = whole.max(CLASS * lifted.filter(|mass| mass.is_finite()).fold(0.0, f64::max));
-    let limited = |joint: &str| bounds.links.iter().any(|link| link.joint == joint && link.mass.is_some());
+    let limited =
+        |joint: &str| bounds.links.iter().any(|link| link.joint == joint && link.mass.is_some());
     let links = robot.joints().iter().enumerate().filter(|(link, joint)| {
         base.classes()[link * PARAMETERS_PER_LINK] != ParameterClass::Alone && !limited(&joint.name)
     });
     let bound = |(link, joint): (usize, &Joint)| {
         let first = link * PARAMETERS_PER_LINK;
         let row = Affine::variable(first, scale[first]).scaled(-1.0).plus(most).scaled(1.0 / most);
-        let name = format!("mass of the link of `{}` at most {most:.3} kg, that of the whole arm", joint.name);
+        let name = format!(
+            "mass of the link of `{}` at most {most:.3} kg, that of the whole arm",
+            joint.name
+        );
         Bound { given: false, ..Bound::linear(name, vec![row]) }
     };
     if most > 0.0 { links.map(bound).collect() } else { Vec::new() }
@@ -241,7 +269,10 @@ fn two_sided(
     text: impl Fn(&str, f64) -> String,
 ) -> Result<Vec<Bound>, BadBound> {
     if lowest.is_nan() || highest.is_nan() {
-        return Err(BadBound { bound: text("within", f64::NAN), reason: "a limit is not a number".into() });
+        return Err(BadBound {
+            bound: text("within", f64::NAN),
+            reason: "a limit is not a number".into(),
+        });
     }
     let mut bounds = Vec::new();
     let size = size.max(f64::MIN_POSITIVE);
@@ -257,7 +288,8 @@ fn two_sided(
 }
 
 impl Region {
-    /// `link`: mass and first moment. A centre of mass c in a region is a linear or a second-order condition on m and m c.
+    /// `link`: mass and first moment. A centre of mass c in a region is a linear or a second-order
+    /// condition on m and m c.
     fn bounds(&self, joint: &str, link: [Affine; 4], size: f64) -> Result<Vec<Bound>, BadBound> {
         let [mass, moment @ ..] = link;
         let name = format!("centre of mass of the link of `{joint}`");
@@ -274,15 +306,23 @@ impl Region {
                         let row = moment[axis].clone().and(mass.clone().scaled(-corner));
                         row.scaled(sign / (size * (high - low).abs().max(1e-3)))
                     };
-                    bounds.push(Bound::linear(format!("{name}: {letter} at least {low} m"), vec![from(low, 1.0)]));
-                    bounds.push(Bound::linear(format!("{name}: {letter} at most {high} m"), vec![from(high, -1.0)]));
+                    bounds.push(Bound::linear(
+                        format!("{name}: {letter} at least {low} m"),
+                        vec![from(low, 1.0)],
+                    ));
+                    bounds.push(Bound::linear(
+                        format!("{name}: {letter} at most {high} m"),
+                        vec![from(high, -1.0)],
+                    ));
                 }
             }
             Self::Ellipsoid { centre, half_axes } => {
                 if !half_axes.iter().all(|axis| *axis > 0.0 && axis.is_finite())
                     || centre.iter().any(|c| !c.is_finite())
                 {
-                    return Err(bad("its ellipsoid needs a finite centre and half axes above zero"));
+                    return Err(bad(
+                        "its ellipsoid needs a finite centre and half axes above zero",
+                    ));
                 }
                 let mut rows = vec![mass.clone().scaled(1.0 / size)];
                 for axis in 0..3 {

@@ -1,11 +1,14 @@
-//! Arm, payload and drive gains at once, with lower bounds of the gains, and arm and payload as bodies.
+//! Arm, payload and drive gains at once, with lower bounds of the gains, and arm and payload as
+//! bodies.
 
 use faer::Mat;
 
 use super::bounds::{self, BadBound};
 use super::program::{Affine, ConicOutcome, ConicProgram, ConicStatus};
 use super::{Consistency, Prior, explain, require_body};
-use crate::identification::parameter_scales::{LINK_SIZE, LinkSize, nominal_links, parameter_scales};
+use crate::identification::parameter_scales::{
+    LINK_SIZE, LinkSize, nominal_links, parameter_scales,
+};
 use crate::identification::{BaseParameters, IdentificationError, ParameterSet};
 use crate::robot::Robot;
 use crate::spatial::PARAMETERS_PER_LINK;
@@ -64,10 +67,16 @@ impl Carrier<'_> {
         let (rank, dof, width) = (base.rank(), robot.dof(), set.len());
         let sizes: Vec<LinkSize> = nominal_links(nominal, set).map(LinkSize::of).collect();
         let scale = parameter_scales(set, nominal, torque);
-        let load = LinkSize { mass: known[0].filter(|mass| *mass > 0.0).unwrap_or(1.0), length: LINK_SIZE }.scales();
-        let limits = bounds::collect(&self.consistency.bounds, robot, set, &scale)
-            .map_err(|BadBound { bound, reason }| IdentificationError::BadBound { bound, reason })?;
-        let gain_scale = column_scales(system, rank + PARAMETERS_PER_LINK..rank + PARAMETERS_PER_LINK + dof);
+        let load = LinkSize {
+            mass: known[0].filter(|mass| *mass > 0.0).unwrap_or(1.0),
+            length: LINK_SIZE,
+        }
+        .scales();
+        let limits = bounds::collect(&self.consistency.bounds, robot, set, &scale).map_err(
+            |BadBound { bound, reason }| IdentificationError::BadBound { bound, reason },
+        )?;
+        let gain_scale =
+            column_scales(system, rank + PARAMETERS_PER_LINK..rank + PARAMETERS_PER_LINK + dof);
 
         let mut program = ConicProgram::default();
         program.variables(width);
@@ -79,11 +88,14 @@ impl Carrier<'_> {
         let rows = (0..unknowns).map(|i| {
             let mut row = Affine::variable(residual + i, -1.0).plus(-system[(i, unknowns)]);
             for (k, scale) in scale.iter().enumerate() {
-                let factor: f64 = (0..rank).map(|j| system[(i, j)] * combination[j * width + k]).sum();
+                let factor: f64 =
+                    (0..rank).map(|j| system[(i, j)] * combination[j * width + k]).sum();
                 row.terms.push((k, factor * scale));
             }
-            let of_load = (0..PARAMETERS_PER_LINK).map(|k| (payload + k, system[(i, rank + k)] * load[k]));
-            let of_gains = (0..dof).map(|k| (gains + k, system[(i, rank + PARAMETERS_PER_LINK + k)] * gain_scale[k]));
+            let of_load =
+                (0..PARAMETERS_PER_LINK).map(|k| (payload + k, system[(i, rank + k)] * load[k]));
+            let of_gains = (0..dof)
+                .map(|k| (gains + k, system[(i, rank + PARAMETERS_PER_LINK + k)] * gain_scale[k]));
             row.terms.extend(of_load.chain(of_gains));
             row.terms.retain(|(_, factor)| *factor != 0.0);
             row
@@ -93,7 +105,8 @@ impl Carrier<'_> {
         prior.add_to(&mut program, robot, set, nominal, &sizes, &scale);
         for (k, known) in known.iter().enumerate() {
             match known {
-                Some(value) => program.require_zero(vec![Affine::variable(payload + k, 1.0).plus(-value / load[k])]),
+                Some(value) => program
+                    .require_zero(vec![Affine::variable(payload + k, 1.0).plus(-value / load[k])]),
                 None => program.add_square(payload + k, 0.0, prior.relative_deviation.powi(-2)),
             }
         }
@@ -101,7 +114,9 @@ impl Carrier<'_> {
         require_body(&mut program, payload);
         limits.iter().for_each(|bound| bound.require(&mut program));
         for (k, bound) in lowest.iter().enumerate() {
-            program.require_non_negative(vec![Affine::variable(gains + k, 1.0).plus(-bound / gain_scale[k])]);
+            program.require_non_negative(vec![
+                Affine::variable(gains + k, 1.0).plus(-bound / gain_scale[k]),
+            ]);
         }
         let ConicOutcome { x, status, .. } = program.solve();
         match status {
@@ -132,18 +147,28 @@ pub(in crate::identification) fn bounded_least_squares(
     let residual = program.variables(unknowns);
     let rows = (0..unknowns).map(|i| {
         let mut row = Affine::variable(residual + i, -1.0).plus(-system[(i, unknowns)]);
-        row.terms.extend((i..unknowns).map(|j| (j, system[(i, j)] * scale[j])).filter(|(_, factor)| *factor != 0.0));
+        row.terms.extend(
+            (i..unknowns)
+                .map(|j| (j, system[(i, j)] * scale[j]))
+                .filter(|(_, factor)| *factor != 0.0),
+        );
         row
     });
     program.require_zero(rows.collect());
     (residual..residual + unknowns).for_each(|variable| program.add_square(variable, 0.0, 1.0));
     for &(unknown, bound) in lowest {
-        program.require_non_negative(vec![Affine::variable(unknown, 1.0).plus(-bound / scale[unknown])]);
+        program.require_non_negative(vec![
+            Affine::variable(unknown, 1.0).plus(-bound / scale[unknown]),
+        ]);
     }
     let outcome = program.solve();
     match outcome.status {
-        ConicStatus::Solved => Ok(outcome.x[..unknowns].iter().zip(&scale).map(|(x, scale)| x * scale).collect()),
-        ConicStatus::Infeasible => Err(IdentificationError::Unsolved { reason: "bounds without a point".into() }),
+        ConicStatus::Solved => {
+            Ok(outcome.x[..unknowns].iter().zip(&scale).map(|(x, scale)| x * scale).collect())
+        }
+        ConicStatus::Infeasible => {
+            Err(IdentificationError::Unsolved { reason: "bounds without a point".into() })
+        }
         ConicStatus::Failed(reason) => Err(IdentificationError::Unsolved { reason }),
     }
 }

@@ -1,22 +1,26 @@
-//! Parameters that a real arm can have: every link a body of positive density, friction that takes energy.
+//! Parameters that a real arm can have: every link a body of positive density, friction that takes
+//! energy.
 //!
-//! Least squares knows nothing of bodies: it returns negative masses, or inertias that break the triangle inequality.
-//! Here the full set of parameters, not only its base, is estimated under
+//! Least squares knows nothing of bodies: it returns negative masses, or inertias that break the
+//! triangle inequality. Here the full set of parameters, not only its base, is estimated under
 //!
-//! - per link: the pseudo-inertia `[[S, h], [hᵀ, m]]` is positive definite, which says that a distribution of positive
-//!   mass has these parameters, and nothing more (Wensing, Kim, Slotine (2018));
+//! - per link: the pseudo-inertia `[[S, h], [hᵀ, m]]` is positive definite, which says that a
+//!   distribution of positive mass has these parameters, and nothing more (Wensing, Kim, Slotine
+//!   (2018));
 //! - per effect: parameters that physics forbids to be negative are not;
-//! - no link is heavier than the whole arm is by its robot file or, if the file has placeholders, by its torques;
+//! - no link is heavier than the whole arm is by its robot file or, if the file has placeholders,
+//!   by its torques;
 //! - limits of the user ([`PhysicalBounds`]): masses, places of centres of mass, any parameter.
 //!
-//! The data enter by the triangular factor R of the weighted base parameters, so the program has the size of the robot,
-//! not of the log. Where the data are silent (a robot has more parameters than motion reveals) a weak pull toward the
-//! robot file decides ([`Prior`]).
+//! The data enter by the triangular factor R of the weighted base parameters, so the program has
+//! the size of the robot, not of the log. Where the data are silent (a robot has more parameters
+//! than motion reveals) a weak pull toward the robot file decides ([`Prior`]).
 //!
-//! Sources: P. M. Wensing, S. Kim, J.-J. E. Slotine, Linear matrix inequalities for physically consistent inertial
-//! parameter identification, IEEE RA-L 3(1) (2018); C. D. Sousa, R. Cortesão, Physical feasibility of robot base inertial
-//! parameter identification: a linear matrix inequality approach, IJRR 33(6) (2014); T. Lee, P. M. Wensing, F. C. Park,
-//! Geometric robot dynamic identification: a convex programming approach, IEEE T-RO 36(2) (2020), for the entropic pull.
+//! Sources: P. M. Wensing, S. Kim, J.-J. E. Slotine, Linear matrix inequalities for physically
+//! consistent inertial parameter identification, IEEE RA-L 3(1) (2018); C. D. Sousa, R. Cortesão,
+//! Physical feasibility of robot base inertial parameter identification: a linear matrix inequality
+//! approach, IJRR 33(6) (2014); T. Lee, P. M. Wensing, F. C. Park, Geometric robot dynamic
+//! identification: a convex programming approach, IEEE T-RO 36(2) (2020), for the entropic pull.
 
 mod bounds;
 mod cross_validation;
@@ -53,17 +57,18 @@ pub struct Consistency {
     pub bounds: PhysicalBounds,
 }
 
-/// Pull toward the nominal parameters. It decides where the data are silent, and hardly counts where they speak: data and
-/// prior are weighed by their standard deviations.
+/// Pull toward the nominal parameters. It decides where the data are silent, and hardly counts
+/// where they speak: data and prior are weighed by their standard deviations.
 #[derive(Clone, Copy, Debug, PartialEq, Setters)]
 #[setters(prefix = "with_")]
 #[non_exhaustive]
 pub struct Prior {
     /// How the distance to the nominal parameters is measured.
     pub distance: Distance,
-    /// Standard deviation of the nominal parameters as a share of them. With 1 they may well be wrong by their own size; the
-    /// default of 30 leaves them no say where the data have any, as for robot files with placeholders. Friction, rotors and
-    /// offsets of which the robot file says nothing (zero) are as good as free, whatever the deviation.
+    /// Standard deviation of the nominal parameters as a share of them. With 1 they may well be
+    /// wrong by their own size; the default of 30 leaves them no say where the data have any, as
+    /// for robot files with placeholders. Friction, rotors and offsets of which the robot file says
+    /// nothing (zero) are as good as free, whatever the deviation.
     pub relative_deviation: f64,
 }
 
@@ -77,10 +82,11 @@ impl Default for Prior {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Distance {
-    /// Sum of squares of the parameters, each relative to the size of its link. Depends on the frame of the link.
+    /// Sum of squares of the parameters, each relative to the size of its link. Depends on the
+    /// frame of the link.
     Euclidean,
-    /// tr(P₀⁻¹ P) - ln det(P₀⁻¹ P) - 4, with P the pseudo-inertia: depends neither on frame nor units, and keeps P inside
-    /// the cone.
+    /// tr(P₀⁻¹ P) - ln det(P₀⁻¹ P) - 4, with P the pseudo-inertia: depends neither on frame nor
+    /// units, and keeps P inside the cone.
     #[default]
     Entropic,
 }
@@ -97,7 +103,8 @@ pub struct ConsistentParameters {
     pub links: Vec<LinkCertificate>,
     /// Limits at which the estimate lies: without them it would be elsewhere.
     pub active: Vec<String>,
-    /// Root mean square of what consistency adds to the residual, in standard deviations of the whole fit.
+    /// Root mean square of what consistency adds to the residual, in standard deviations of the
+    /// whole fit.
     pub cost: f64,
     /// Iterations of the solver.
     pub iterations: u32,
@@ -117,36 +124,41 @@ pub struct LinkCertificate {
     pub mass: f64,
     /// Centre of mass in the link frame, m.
     pub centre: [f64; 3],
-    /// Smallest eigenvalue of the pseudo-inertia, whose entries are in kg, kg·m and kg·m²; above zero.
+    /// Smallest eigenvalue of the pseudo-inertia, whose entries are in kg, kg·m and kg·m²; above
+    /// zero.
     pub smallest_eigenvalue: f64,
     /// The same with lengths in units of the link's size and masses in units of its mass.
     pub relative_eigenvalue: f64,
-    /// Principal moments of inertia about the centre of mass, kg·m², ascending; the largest is at most the sum of the
-    /// others.
+    /// Principal moments of inertia about the centre of mass, kg·m², ascending; the largest is at
+    /// most the sum of the others.
     pub principal_moments: [f64; 3],
 }
 
-/// The scaled pseudo-inertia keeps this distance from the border of the cone, and so stays definite under rounding.
+/// The scaled pseudo-inertia keeps this distance from the border of the cone, and so stays definite
+/// under rounding.
 const MARGIN: f64 = 1e-6;
 
 /// A limit is active within this share of its size.
 const ACTIVE: f64 = 1e-4;
 
-/// Relative deviation of parameters of effects of which the robot file says nothing, in units of their expected size: it
-/// keeps those finite that the data do not determine, and draws no others to zero.
+/// Relative deviation of parameters of effects of which the robot file says nothing, in units of
+/// their expected size: it keeps those finite that the data do not determine, and draws no others
+/// to zero.
 const UNKNOWN: f64 = 100.0;
 
 impl Consistency {
     /// The consistent parameters nearest to the data.
     ///
-    /// - `whitened`: `[rank + 1, rank + 1]`, the triangular factor of [W tau] in units of its noise, as in
-    ///   [`Estimate::whitened`](super::Estimate::whitened). Data without noise may be given: they count as if they had a
-    ///   noise that the solver can resolve
+    /// - `whitened`: `[rank + 1, rank + 1]`, the triangular factor of [W tau] in units of its
+    ///   noise, as in [`Estimate::whitened`](super::Estimate::whitened). Data without noise may be
+    ///   given: they count as if they had a noise that the solver can resolve
     /// - `nominal`: all parameters of the set, those of the robot file
-    /// - `torque`: size of the torque per joint, N·m (N), `[n]`; parameters of effects are expected to be of that order
+    /// - `torque`: size of the torque per joint, N·m (N), `[n]`; parameters of effects are expected
+    ///   to be of that order
     ///
     /// # Errors
-    /// If limits contradict each other: the message lists a smallest set of limits that no arm keeps.
+    /// If limits contradict each other: the message lists a smallest set of limits that no arm
+    /// keeps.
     ///
     /// # Panics
     /// If the lengths do not fit.
@@ -162,10 +174,14 @@ impl Consistency {
         let task = ConsistencyTask::new(&self.bounds, robot, set, base, whitened, nominal, torque)?;
         let deviation = self.prior.relative_deviation;
         super::check_prior_deviation(deviation)?;
-        // Where data that are almost without noise meet a pull that is almost none, the solver may give up: a distance that
-        // is easier to compute, and then a stronger pull, are better than no result.
+        // Where data that are almost without noise meet a pull that is almost none, the solver may
+        // give up: a distance that is easier to compute, and then a stronger pull, are better than
+        // no result.
         let Prior { distance, relative_deviation } = self.prior;
-        let stronger = |distance, factor: f64| Prior { distance, relative_deviation: relative_deviation / factor };
+        let stronger = |distance, factor: f64| Prior {
+            distance,
+            relative_deviation: relative_deviation / factor,
+        };
         let priors = [
             self.prior,
             stronger(Distance::Euclidean, 1.0),
@@ -179,9 +195,15 @@ impl Consistency {
                 Ok(mut found) => {
                     if prior != self.prior {
                         found.notes.push(format!(
-                            "the program of consistent parameters was solved with {} pull toward the robot file of relative \
-                             deviation {:.2} instead of what was asked for",
-                            if prior.distance == Distance::Euclidean { "a Euclidean" } else { "an entropic" },
+                            "the program of consistent parameters was solved with {} pull toward \
+                             the robot file of relative deviation {:.2} instead of what was asked \
+                             for",
+                            if prior.distance == Distance::Euclidean {
+                                "a Euclidean"
+                            } else {
+                                "an \
+                                 entropic"
+                            },
                             prior.relative_deviation
                         ));
                     }
@@ -237,8 +259,10 @@ impl<'a> ConsistencyTask<'a> {
         let sizes = nominal_links(nominal, set).map(LinkSize::of).collect();
         let scale = parameter_scales(set, nominal, torque);
         let masses = bounds::masses(bounds, robot, base, nominal, torque, &scale);
-        let mut bounds = bounds::collect(bounds, robot, set, &scale)
-            .map_err(|BadBound { bound, reason }| IdentificationError::BadBound { bound, reason })?;
+        let mut bounds =
+            bounds::collect(bounds, robot, set, &scale).map_err(|BadBound { bound, reason }| {
+                IdentificationError::BadBound { bound, reason }
+            })?;
         bounds.extend(masses);
         let whitened = resolved(whitened);
         Ok(Self { robot, set, base, whitened, nominal, sizes, scale, bounds })
@@ -250,10 +274,21 @@ impl<'a> ConsistencyTask<'a> {
         let x = program.variables(self.set.len());
         debug_assert_eq!(x, 0, "parameters come first");
         add_data(&mut program, self.base, &self.whitened, &self.scale);
-        let notes = prior.add_to(&mut program, self.robot, self.set, self.nominal, &self.sizes, &self.scale);
+        let notes = prior.add_to(
+            &mut program,
+            self.robot,
+            self.set,
+            self.nominal,
+            &self.sizes,
+            &self.scale,
+        );
         let links = (0..self.robot.dof()).filter(|link| !without.contains(&Limit::Body(*link)));
         links.for_each(|link| require_body(&mut program, link * PARAMETERS_PER_LINK));
-        let kept = self.bounds.iter().enumerate().filter(|(index, _)| !without.contains(&Limit::Bound(*index)));
+        let kept = self
+            .bounds
+            .iter()
+            .enumerate()
+            .filter(|(index, _)| !without.contains(&Limit::Bound(*index)));
         kept.for_each(|(_, bound)| bound.require(&mut program));
         (program, notes)
     }
@@ -282,18 +317,26 @@ impl<'a> ConsistencyTask<'a> {
         let parameters = self.parameters(&x);
         let estimate = self.base.combine(&parameters);
         let links = nominal_links(&parameters, set).zip(robot.joints()).zip(&self.sizes);
-        let links: Vec<LinkCertificate> =
-            links.map(|((link, joint), size)| LinkCertificate::of(&joint.name, &link, size)).collect();
-        if let Some(link) =
-            links.iter().find(|link| link.relative_eigenvalue.is_nan() || link.relative_eigenvalue <= 0.0)
+        let links: Vec<LinkCertificate> = links
+            .map(|((link, joint), size)| LinkCertificate::of(&joint.name, &link, size))
+            .collect();
+        if let Some(link) = links
+            .iter()
+            .find(|link| link.relative_eigenvalue.is_nan() || link.relative_eigenvalue <= 0.0)
         {
             let reason = format!("the link of `{}` is no body by a rounding error", link.joint);
             return Err(IdentificationError::Unsolved { reason });
         }
-        let mut active: Vec<String> =
-            bounds.iter().filter(|bound| bound.margin(&x) < ACTIVE).map(|bound| bound.name.clone()).collect();
+        let mut active: Vec<String> = bounds
+            .iter()
+            .filter(|bound| bound.margin(&x) < ACTIVE)
+            .map(|bound| bound.name.clone())
+            .collect();
         let at_border = links.iter().filter(|link| link.relative_eigenvalue < 10.0 * MARGIN);
-        active.extend(at_border.map(|link| format!("the link of `{}` is a body of positive density", link.joint)));
+        active.extend(
+            at_border
+                .map(|link| format!("the link of `{}` is a body of positive density", link.joint)),
+        );
         Ok(ConsistentParameters {
             cost: added_residual(&self.whitened, &estimate),
             base: estimate,
@@ -308,8 +351,8 @@ impl<'a> ConsistencyTask<'a> {
 }
 
 impl Prior {
-    /// Adds the pull to a program whose first variables are the parameters of `set` in units of `scale`; what had to be
-    /// mended for it.
+    /// Adds the pull to a program whose first variables are the parameters of `set` in units of
+    /// `scale`; what had to be mended for it.
     fn add_to(
         &self,
         program: &mut ConicProgram,
@@ -325,13 +368,15 @@ impl Prior {
             let (matrix, mended) = size.definite(&link);
             if mended {
                 notes.push(format!(
-                    "the robot file gives the link of `{}` an inertia that no body has; the pull goes toward the \
-                     nearest body",
+                    "the robot file gives the link of `{}` an inertia that no body has; the pull \
+                     goes toward the nearest body",
                     robot.joints()[index].name
                 ));
             }
             match self.distance {
-                Distance::Entropic => add_divergence(program, index * PARAMETERS_PER_LINK, &matrix, weight),
+                Distance::Entropic => {
+                    add_divergence(program, index * PARAMETERS_PER_LINK, &matrix, weight)
+                }
                 Distance::Euclidean => {
                     for (k, centre) in parameters_of(&matrix).into_iter().enumerate() {
                         program.add_square(index * PARAMETERS_PER_LINK + k, centre, weight);
@@ -356,7 +401,8 @@ pub(crate) struct NearestBody {
     pub distance2: f64,
 }
 
-/// The body taken up or put down that is nearest to ten estimated parameters, distances measured by their covariance.
+/// The body taken up or put down that is nearest to ten estimated parameters, distances measured by
+/// their covariance.
 ///
 /// - `reach`: largest radius of gyration about the origin of the link that holds it, m
 pub(crate) fn nearest_load(
@@ -388,7 +434,8 @@ pub(super) fn nearest_body(
 ) -> Result<NearestBody, IdentificationError> {
     let estimated = LinkInertia::from_standard_parameters(parameters);
     let scale = LinkSize::of(estimated).scales();
-    // A direction of which nothing is known has a deviation of a hundred times the size of the body.
+    // A direction of which nothing is known has a deviation of a hundred times the size of the
+    // body.
     const UNKNOWN: f64 = 100.0;
     let spread = |i: usize, j: usize| {
         let scaled = covariance[(i, j)] / (scale[i] * scale[j]);
@@ -414,7 +461,8 @@ pub(super) fn nearest_body(
         row
     });
     program.require_zero(rows.collect());
-    (residual..residual + PARAMETERS_PER_LINK).for_each(|variable| program.add_square(variable, 0.0, 1.0));
+    (residual..residual + PARAMETERS_PER_LINK)
+        .for_each(|variable| program.add_square(variable, 0.0, 1.0));
     require_body(&mut program, 0);
     if reach.is_finite() {
         // The trace of the second moment of mass about the origin, in the units of the variables.
@@ -426,22 +474,26 @@ pub(super) fn nearest_body(
     match outcome.status {
         ConicStatus::Solved => Ok(NearestBody {
             parameters: std::array::from_fn(|k| outcome.x[k] * scale[k]),
-            distance2: outcome.x[residual..residual + PARAMETERS_PER_LINK].iter().map(|r| r * r).sum(),
+            distance2: outcome.x[residual..residual + PARAMETERS_PER_LINK]
+                .iter()
+                .map(|r| r * r)
+                .sum(),
         }),
         ConicStatus::Infeasible => Err(IdentificationError::Unsolved { reason: "no body".into() }),
         ConicStatus::Failed(reason) => Err(IdentificationError::Unsolved { reason }),
     }
 }
 
-/// Data without noise would be known to more digits than the solver has: torques of at most so many standard deviations,
-/// all rows together.
+/// Data without noise would be known to more digits than the solver has: torques of at most so many
+/// standard deviations, all rows together.
 fn resolved(whitened: &Mat<f64>) -> Mat<f64> {
     const MOST: f64 = 1e7;
     let torque = whitened.col(whitened.ncols() - 1).norm_l2();
     faer::Scale((MOST / torque).min(1.0)) * whitened
 }
 
-/// 1/2 |R B x - rho|²: in extra variables for the residual, because squaring R would square its condition number.
+/// 1/2 |R B x - rho|²: in extra variables for the residual, because squaring R would square its
+/// condition number.
 fn add_data(program: &mut ConicProgram, base: &BaseParameters, whitened: &Mat<f64>, scale: &[f64]) {
     let rank = base.rank();
     let combination = base.matrix();
@@ -450,7 +502,8 @@ fn add_data(program: &mut ConicProgram, base: &BaseParameters, whitened: &Mat<f6
     let rows = (0..rank).map(|i| {
         let mut row = Affine::variable(residual + i, -1.0).plus(-whitened[(i, rank)]);
         for (k, scale) in scale.iter().enumerate() {
-            let factor: f64 = (i..rank).map(|j| whitened[(i, j)] * combination[j * width + k]).sum();
+            let factor: f64 =
+                (i..rank).map(|j| whitened[(i, j)] * combination[j * width + k]).sum();
             if factor != 0.0 {
                 row.terms.push((k, factor * scale));
             }
@@ -465,7 +518,8 @@ fn add_data(program: &mut ConicProgram, base: &BaseParameters, whitened: &Mat<f6
 /// |R (base - least squares)| / sqrt(rank).
 fn added_residual(whitened: &Mat<f64>, base: &[f64]) -> f64 {
     let rank = base.len();
-    let row = |i: usize| whitened[(i, rank)] - (i..rank).map(|j| whitened[(i, j)] * base[j]).sum::<f64>();
+    let row =
+        |i: usize| whitened[(i, rank)] - (i..rank).map(|j| whitened[(i, j)] * base[j]).sum::<f64>();
     ((0..rank).map(|i| row(i).powi(2)).sum::<f64>() / rank as f64).sqrt()
 }
 
@@ -477,17 +531,24 @@ fn require_body(program: &mut ConicProgram, first: usize) {
     });
 }
 
-/// weight (tr(P₀⁻¹ P) - ln det P) of the link whose variables begin at `first`, the logarithm of the determinant by a definite matrix `[[P, Z], [Zᵀ, diag Z]]`
-/// with Z lower triangular.
+/// weight (tr(P₀⁻¹ P) - ln det P) of the link whose variables begin at `first`, the logarithm of
+/// the determinant by a definite matrix `[[P, Z], [Zᵀ, diag Z]]` with Z lower triangular.
 ///
 /// Source: MOSEK Modeling Cookbook, section 6.2.3, log-determinant.
-fn add_divergence(program: &mut ConicProgram, first: usize, nominal: &nalgebra::Matrix4<f64>, weight: f64) {
+fn add_divergence(
+    program: &mut ConicProgram,
+    first: usize,
+    nominal: &nalgebra::Matrix4<f64>,
+    weight: f64,
+) {
     // Without an inverse in double precision the program is refused by what it holds.
     let inverse = nominal.try_inverse().unwrap_or_else(|| nalgebra::Matrix4::repeat(f64::NAN));
     for column in 0..4 {
         for row in 0..4 {
             let (low, high) = (row.min(column), row.max(column));
-            program.add_cost(&pseudo_inertia_entry(first, low, high).scaled(weight * inverse[(row, column)]));
+            program.add_cost(
+                &pseudo_inertia_entry(first, low, high).scaled(weight * inverse[(row, column)]),
+            );
         }
     }
     let z = program.variables(10);
@@ -507,8 +568,8 @@ fn add_divergence(program: &mut ConicProgram, first: usize, nominal: &nalgebra::
     }
 }
 
-/// Entry of the pseudo-inertia of a link by its parameters m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz, which are the
-/// variables from `first` on; row <= column.
+/// Entry of the pseudo-inertia of a link by its parameters m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz,
+/// Izz, which are the variables from `first` on; row <= column.
 fn pseudo_inertia_entry(first: usize, row: usize, column: usize) -> Affine {
     const DIAGONAL: [usize; 3] = [4, 6, 9];
     match (row, column) {
@@ -516,7 +577,8 @@ fn pseudo_inertia_entry(first: usize, row: usize, column: usize) -> Affine {
         (row, 3) => Affine::variable(first + 1 + row, 1.0),
         (row, column) if row == column => {
             let terms = DIAGONAL.iter().enumerate();
-            let terms = terms.map(|(axis, offset)| (first + offset, if axis == row { -0.5 } else { 0.5 }));
+            let terms =
+                terms.map(|(axis, offset)| (first + offset, if axis == row { -0.5 } else { 0.5 }));
             Affine { terms: terms.collect(), constant: 0.0 }
         }
         (0, 1) => Affine::variable(first + 5, -1.0),
@@ -567,26 +629,31 @@ impl LinkCertificate {
 
 fn explain(links: usize, width: usize, bounds: &[Bound]) -> IdentificationError {
     smallest_conflict(links, width, bounds).map_or_else(
-        || IdentificationError::Unsolved { reason: "no arm keeps all limits, though every one can be kept".into() },
+        || IdentificationError::Unsolved {
+            reason: "no arm keeps all limits, though every one can be kept".into(),
+        },
         |limits| IdentificationError::Contradiction { limits },
     )
 }
 
-/// A set of limits that bodies cannot keep, of which none can be left out: limits are dropped one by one, and stay dropped
-/// while the others still contradict each other. None if there is no contradiction.
+/// A set of limits that bodies cannot keep, of which none can be left out: limits are dropped one
+/// by one, and stay dropped while the others still contradict each other. None if there is no
+/// contradiction.
 ///
-/// Source: J. W. Chinneck, E. W. Dravnieks, Locating minimal infeasible constraint sets in linear programs, ORSA J.
-/// Computing 3(2) (1991), deletion filter.
+/// Source: J. W. Chinneck, E. W. Dravnieks, Locating minimal infeasible constraint sets in linear
+/// programs, ORSA J. Computing 3(2) (1991), deletion filter.
 fn smallest_conflict(links: usize, width: usize, bounds: &[Bound]) -> Option<Vec<String>> {
     let contradict = |bounds: &[&Bound]| {
         let mut program = ConicProgram::default();
         program.variables(width);
         (0..links).for_each(|link| require_body(&mut program, link * PARAMETERS_PER_LINK));
         bounds.iter().for_each(|bound| bound.require(&mut program));
-        // Of all points that keep the limits the nearest to the origin: the program has one solution.
+        // Of all points that keep the limits the nearest to the origin: the program has one
+        // solution.
         (0..width).for_each(|variable| program.add_square(variable, 0.0, 1e-3));
         let outcome = program.solve();
-        outcome.status != ConicStatus::Solved || bounds.iter().any(|bound| bound.margin(&outcome.x) < -1e-5)
+        outcome.status != ConicStatus::Solved
+            || bounds.iter().any(|bound| bound.margin(&outcome.x) < -1e-5)
     };
     let mut kept: Vec<&Bound> = bounds.iter().collect();
     if !contradict(&kept) {

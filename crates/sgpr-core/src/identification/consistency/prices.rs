@@ -1,7 +1,9 @@
-//! What the limits cost: how much better the data would be met without one of them, and without several.
+//! What the limits cost: how much better the data would be met without one of them, and without
+//! several.
 //!
-//! A limit that costs much is a hint, not a fault of the limit: no link has a negative mass. Something that the model lacks
-//! is imitated by inertias that no body has, and the price says at which link.
+//! A limit that costs much is a hint, not a fault of the limit: no link has a negative mass.
+//! Something that the model lacks is imitated by inertias that no body has, and the price says at
+//! which link.
 
 use faer::Mat;
 use serde::{Deserialize, Serialize};
@@ -32,8 +34,8 @@ pub struct Costs {
 pub struct Price {
     /// The limit: `the link of ... is a body`, or a bound as in `joint_2.Fv >= 0`.
     pub limit: String,
-    /// Share of what all limits together add to the squared residual that would be gone without this one. Limits can stand
-    /// in for each other, so shares need not add up to one.
+    /// Share of what all limits together add to the squared residual that would be gone without
+    /// this one. Limits can stand in for each other, so shares need not add up to one.
     pub share: f64,
 }
 
@@ -54,9 +56,11 @@ const WORTH_NAMING: f64 = 0.05;
 const STAGES: usize = 4;
 
 impl Consistency {
-    /// What the limits cost one by one and together; nothing if they cost less than one unit of the residual's variance.
+    /// What the limits cost one by one and together; nothing if they cost less than one unit of the
+    /// residual's variance.
     ///
-    /// Arguments as in [`Self::solve`]. The pull is Euclidean here, so that a link may leave the cone of bodies.
+    /// Arguments as in [`Self::solve`]. The pull is Euclidean here, so that a link may leave the
+    /// cone of bodies.
     ///
     /// # Errors
     /// As [`Self::solve`].
@@ -74,21 +78,31 @@ impl Consistency {
     ) -> Result<Costs, IdentificationError> {
         let task = ConsistencyTask::new(&self.bounds, robot, set, base, whitened, nominal, torque)?;
         let prior = Prior { distance: Distance::Euclidean, ..self.prior };
-        let Some(all) = task.relaxed(prior, &[]).filter(|all| all.added >= 1.0) else { return Ok(Costs::default()) };
+        let Some(all) = task.relaxed(prior, &[]).filter(|all| all.added >= 1.0) else {
+            return Ok(Costs::default());
+        };
         let least = task.whitened[(base.rank(), base.rank())].powi(2);
-        let percent = |added: f64| 100.0 * ((1.0 + added / least.max(f64::MIN_POSITIVE)).sqrt() - 1.0);
+        let percent =
+            |added: f64| 100.0 * ((1.0 + added / least.max(f64::MIN_POSITIVE)).sqrt() - 1.0);
         let mut costs = Costs { residual_percent: percent(all.added), ..Costs::default() };
         let mut without: Vec<Limit> = Vec::new();
         let mut now = all.clone();
         for stage in 0..STAGES {
             let with = |limit: &Limit| [&without[..], &[*limit]].concat();
-            let candidates = task.active(&now.x).into_iter().filter(|limit| !without.contains(limit));
-            let relaxed = candidates.filter_map(|limit| Some((limit, task.relaxed(prior, &with(&limit))?)));
-            let share = |relaxed: &Relaxed| ((now.added - relaxed.added) / all.added).clamp(0.0, 1.0);
-            let mut relaxed: Vec<(Limit, Relaxed)> = relaxed.filter(|(_, r)| share(r) >= WORTH_NAMING).collect();
+            let candidates =
+                task.active(&now.x).into_iter().filter(|limit| !without.contains(limit));
+            let relaxed =
+                candidates.filter_map(|limit| Some((limit, task.relaxed(prior, &with(&limit))?)));
+            let share =
+                |relaxed: &Relaxed| ((now.added - relaxed.added) / all.added).clamp(0.0, 1.0);
+            let mut relaxed: Vec<(Limit, Relaxed)> =
+                relaxed.filter(|(_, r)| share(r) >= WORTH_NAMING).collect();
             relaxed.sort_by(|(_, a), (_, b)| a.added.total_cmp(&b.added));
             if stage == 0 {
-                let price = |(limit, r): &(Limit, Relaxed)| Price { limit: task.name(*limit), share: share(r) };
+                let price = |(limit, r): &(Limit, Relaxed)| Price {
+                    limit: task.name(*limit),
+                    share: share(r),
+                };
                 costs.prices = relaxed.iter().map(price).collect();
             }
             if relaxed.is_empty() {
@@ -98,7 +112,9 @@ impl Consistency {
             if matches!(limit, Limit::Bound(index) if task.bounds[index].given) {
                 costs.given.push(task.name(limit));
             }
-            costs.stages.push(Stage { limit: task.name(limit), residual_percent: percent(next.added) });
+            costs
+                .stages
+                .push(Stage { limit: task.name(limit), residual_percent: percent(next.added) });
             without.push(limit);
             now = next;
         }
@@ -127,14 +143,20 @@ impl ConsistencyTask<'_> {
     fn active(&self, x: &[f64]) -> Vec<Limit> {
         let parameters = self.parameters(x);
         let links = nominal_links(&parameters, self.set).zip(&self.sizes).enumerate();
-        let thin = links.filter(|(_, (link, size))| size.scaled(link).symmetric_eigenvalues().min() < 100.0 * MARGIN);
+        let thin = links.filter(|(_, (link, size))| {
+            size.scaled(link).symmetric_eigenvalues().min() < 100.0 * MARGIN
+        });
         let bounds = self.bounds.iter().enumerate().filter(|(_, bound)| bound.margin(x) < ACTIVE);
-        thin.map(|(index, _)| Limit::Body(index)).chain(bounds.map(|(index, _)| Limit::Bound(index))).collect()
+        thin.map(|(index, _)| Limit::Body(index))
+            .chain(bounds.map(|(index, _)| Limit::Bound(index)))
+            .collect()
     }
 
     fn name(&self, limit: Limit) -> String {
         match limit {
-            Limit::Body(link) => format!("the link of `{}` is a body", self.robot.joints()[link].name),
+            Limit::Body(link) => {
+                format!("the link of `{}` is a body", self.robot.joints()[link].name)
+            }
             Limit::Bound(index) => self.bounds[index].name.clone(),
         }
     }

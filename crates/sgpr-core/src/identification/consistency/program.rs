@@ -3,7 +3,9 @@
 use clarabel::algebra::CscMatrix;
 use clarabel::solver::{
     DefaultSettingsBuilder, DefaultSolver, IPSolver, SolverStatus,
-    SupportedConeT::{self, ExponentialConeT, NonnegativeConeT, PSDTriangleConeT, SecondOrderConeT, ZeroConeT},
+    SupportedConeT::{
+        self, ExponentialConeT, NonnegativeConeT, PSDTriangleConeT, SecondOrderConeT, ZeroConeT,
+    },
 };
 
 // The symbols that clarabel's cone of semidefinite matrices calls.
@@ -48,7 +50,8 @@ impl Affine {
     }
 }
 
-/// Where the solver cannot get closer: objectives count half squared standard deviations, of which a hundredth is nothing.
+/// Where the solver cannot get closer: objectives count half squared standard deviations, of which
+/// a hundredth is nothing.
 const WORTHLESS: f64 = 1e-2;
 
 /// Squares of larger numbers are soon infinite, where the solver stops the program.
@@ -123,7 +126,8 @@ impl ConicProgram {
         self.require(ExponentialConeT(), vec![value, Affine::constant(1.0), argument]);
     }
 
-    /// A symmetric matrix, of which `entry(row, column)` with row <= column is asked, has no negative eigenvalue.
+    /// A symmetric matrix, of which `entry(row, column)` with row <= column is asked, has no
+    /// negative eigenvalue.
     pub fn require_semidefinite(&mut self, size: usize, entry: impl Fn(usize, usize) -> Affine) {
         let mut rows = Vec::with_capacity(size * (size + 1) / 2);
         for column in 0..size {
@@ -137,8 +141,9 @@ impl ConicProgram {
 
     /// All that the solver computes with.
     fn numbers(&self) -> impl Iterator<Item = f64> {
-        let of_row =
-            |row: &'_ Affine| row.terms.iter().map(|(_, value)| *value).chain([row.constant]).collect::<Vec<_>>();
+        let of_row = |row: &'_ Affine| {
+            row.terms.iter().map(|(_, value)| *value).chain([row.constant]).collect::<Vec<_>>()
+        };
         self.curvature.iter().chain(&self.slope).copied().chain(self.rows.iter().flat_map(of_row))
     }
 
@@ -151,8 +156,8 @@ impl ConicProgram {
 
     /// Solves the program by an interior-point method.
     ///
-    /// Source: P. J. Goulart, Y. Chen, Clarabel: An interior-point solver for conic programs with quadratic objectives
-    /// (2024), arXiv:2405.12762.
+    /// Source: P. J. Goulart, Y. Chen, Clarabel: An interior-point solver for conic programs with
+    /// quadratic objectives (2024), arXiv:2405.12762.
     pub fn solve(&self) -> ConicOutcome {
         let n = self.slope.len();
         if let Some(value) = self.numbers().find(|value| value.is_nan() || value.abs() > LARGEST) {
@@ -170,7 +175,9 @@ impl ConicProgram {
         );
         let entries = || {
             let rows = self.rows.iter().enumerate();
-            rows.flat_map(|(row, affine)| affine.terms.iter().map(move |(column, value)| (row, *column, -value)))
+            rows.flat_map(|(row, affine)| {
+                affine.terms.iter().map(move |(column, value)| (row, *column, -value))
+            })
         };
         let constraints = CscMatrix::new_from_triplets(
             self.rows.len(),
@@ -188,16 +195,30 @@ impl ConicProgram {
             .reduced_tol_feas(1e-6)
             .build()
             .expect("settings that the solver knows");
-        let mut solver = DefaultSolver::new(&quadratic, &self.slope, &constraints, &constants, &self.cones, settings)
-            .expect("matrices of fitting sizes");
+        let mut solver = DefaultSolver::new(
+            &quadratic,
+            &self.slope,
+            &constraints,
+            &constants,
+            &self.cones,
+            settings,
+        )
+        .expect("matrices of fitting sizes");
         solver.solve();
         let solution = &solver.solution;
         let status = match solution.status {
             SolverStatus::Solved | SolverStatus::AlmostSolved => ConicStatus::Solved,
-            SolverStatus::PrimalInfeasible | SolverStatus::AlmostPrimalInfeasible => ConicStatus::Infeasible,
+            SolverStatus::PrimalInfeasible | SolverStatus::AlmostPrimalInfeasible => {
+                ConicStatus::Infeasible
+            }
             other => ConicStatus::Failed(format!("{other:?}")),
         };
-        ConicOutcome { x: solution.x.clone(), status, iterations: solution.iterations, seconds: solution.solve_time }
+        ConicOutcome {
+            x: solution.x.clone(),
+            status,
+            iterations: solution.iterations,
+            seconds: solution.solve_time,
+        }
     }
 }
 
@@ -207,9 +228,11 @@ mod tests {
 
     #[test]
     fn the_nearest_semidefinite_matrix_loses_its_negative_eigenvalues() {
-        // Higham (1988): in the Frobenius norm it is the matrix with negative eigenvalues set to zero.
-        let matrix =
-            nalgebra::Matrix4::new(2.0, -1.0, 0.5, 3.0, -1.0, 0.3, 0.2, -0.4, 0.5, 0.2, -1.0, 0.1, 3.0, -0.4, 0.1, 1.0);
+        // Higham (1988): in the Frobenius norm it is the matrix with negative eigenvalues set to
+        // zero.
+        let matrix = nalgebra::Matrix4::new(
+            2.0, -1.0, 0.5, 3.0, -1.0, 0.3, 0.2, -0.4, 0.5, 0.2, -1.0, 0.1, 3.0, -0.4, 0.1, 1.0,
+        );
         let mut program = ConicProgram::default();
         let first = program.variables(10);
         let index = |row: usize, column: usize| first + column * (column + 1) / 2 + row;
@@ -237,13 +260,17 @@ mod tests {
     fn a_program_without_a_point_is_infeasible() {
         let mut program = ConicProgram::default();
         let x = program.variables(1);
-        program.require_non_negative(vec![Affine::variable(x, 1.0).plus(-2.0), Affine::variable(x, -1.0).plus(1.0)]);
+        program.require_non_negative(vec![
+            Affine::variable(x, 1.0).plus(-2.0),
+            Affine::variable(x, -1.0).plus(1.0),
+        ]);
         assert_eq!(program.solve().status, ConicStatus::Infeasible);
     }
 
     #[test]
     fn logarithms_bound_from_above() {
-        // max t - x with t <= ln x: at x = 1, where the objective is flat: a gap of 1e-8 is 1e-4 in x.
+        // max t - x with t <= ln x: at x = 1, where the objective is flat: a gap of 1e-8 is 1e-4 in
+        // x.
         let mut program = ConicProgram::default();
         let x = program.variables(2);
         program.add_cost(&Affine::variable(x, 1.0).and(Affine::variable(x + 1, -1.0)));

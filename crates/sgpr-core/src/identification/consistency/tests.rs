@@ -25,7 +25,10 @@ fn numbers_without_a_square_are_no_program() {
         let x = program.variables(10);
         require_body(&mut program, x);
         program.add_cost(&pseudo_inertia_entry(x, 0, 0).scaled(cost));
-        assert!(matches!(program.solve().status, ConicStatus::Failed(reason) if reason.contains("a number of")));
+        assert!(
+            matches!(program.solve().status, ConicStatus::Failed(reason) if reason.contains("a \
+                 number of"))
+        );
     }
     // Of no inverse, whatever its size.
     let mut program = ConicProgram::default();
@@ -40,8 +43,9 @@ fn the_divergence_is_that_of_its_definition() {
     let size = LinkSize { mass: 1.0, length: 1.0 };
     let (nominal, mended) = size.definite(&LinkInertia::from_standard_parameters(&BODY));
     assert!(!mended);
-    let pull =
-        nalgebra::Matrix4::new(0.4, 0.1, 0.0, 0.05, 0.1, 0.7, -0.2, 0.0, 0.0, -0.2, 0.5, 0.1, 0.05, 0.0, 0.1, 0.3);
+    let pull = nalgebra::Matrix4::new(
+        0.4, 0.1, 0.0, 0.05, 0.1, 0.7, -0.2, 0.0, 0.0, -0.2, 0.5, 0.1, 0.05, 0.0, 0.1, 0.3,
+    );
     let weight = 0.7;
     let mut program = ConicProgram::default();
     program.variables(10);
@@ -54,7 +58,8 @@ fn the_divergence_is_that_of_its_definition() {
     add_divergence(&mut program, 0, &nominal, weight);
     let outcome = program.solve();
     assert_eq!(outcome.status, ConicStatus::Solved);
-    let expected = (nominal.try_inverse().expect("definite") + pull / weight).try_inverse().expect("definite");
+    let expected =
+        (nominal.try_inverse().expect("definite") + pull / weight).try_inverse().expect("definite");
     for (a, b) in outcome.x.iter().zip(parameters_of(&expected)) {
         // The divergence is flat at its minimum: a gap of 1e-8 is 1e-4 in the parameters.
         assert!((a - b).abs() < 1e-3, "{a} {b}");
@@ -63,7 +68,8 @@ fn the_divergence_is_that_of_its_definition() {
 
 #[test]
 fn no_link_is_heavier_than_the_whole_arm() {
-    // Two links of 1 kg, 1 m apart: the file's arm weighs 2 kg, one with 9.80665 N·m at that reach up to 10 kg.
+    // Two links of 1 kg, 1 m apart: the file's arm weighs 2 kg, one with 9.80665 N·m at that reach
+    // up to 10 kg.
     let robot = crate::robot::two_link();
     let set = ParameterSet::new(&robot, &[] as &[&str]).expect("no effect");
     let (base, nominal) = (BaseParameters::new(&robot, &set), robot.standard_parameters());
@@ -81,7 +87,10 @@ fn no_link_is_heavier_than_the_whole_arm() {
     };
     let free = PhysicalBounds::default();
     let (count, most) = limits(&free, [1e-3, 1e-4]);
-    assert!(count == 2 && (most - nominal[0] - nominal[PARAMETERS_PER_LINK]).abs() < 1e-9, "{count} {most}");
+    assert!(
+        count == 2 && (most - nominal[0] - nominal[PARAMETERS_PER_LINK]).abs() < 1e-9,
+        "{count} {most}"
+    );
     let (_, most) = limits(&free, [9.806_65 * reach, 1.0]);
     assert!((most - 10.0).abs() < 1e-9, "{most}");
     let own = PhysicalBounds { total_mass: Some([1.0, 9.0]), ..free };
@@ -109,17 +118,28 @@ fn the_nearest_load_is_a_body_within_reach() {
         let load = cube.map(|x| sign * x);
         let found = nearest_load(&load, &sure, 1.0).expect("a body");
         assert!(found.distance2 < 1e-6, "{}", found.distance2);
-        let differs = found.parameters.iter().zip(load).map(|(own, load)| (own - load).abs()).fold(0.0, f64::max);
+        let differs = found
+            .parameters
+            .iter()
+            .zip(load)
+            .map(|(own, load)| (own - load).abs())
+            .fold(0.0, f64::max);
         assert!(differs < 1e-3, "{differs}");
     }
     // 26 g whose inertia would have to lie more than five metres away.
     let far = [0.026, 0.0, 0.0, 0.0, 0.8, 0.0, 0.7, 0.0, 0.0, 0.5];
     let anywhere = nearest_load(&far, &sure, f64::INFINITY).expect("a body");
     let within = nearest_load(&far, &sure, 0.8).expect("a body");
-    assert!(anywhere.distance2 < 1e-6 && within.distance2 > 0.3, "{} {}", anywhere.distance2, within.distance2);
+    assert!(
+        anywhere.distance2 < 1e-6 && within.distance2 > 0.3,
+        "{} {}",
+        anywhere.distance2,
+        within.distance2
+    );
     let [mass, .., xx, _, yy, _, _, zz] = within.parameters;
     assert!(0.5 * (xx + yy + zz) <= 0.8 * 0.8 * mass + 1e-6, "{:?}", within.parameters);
     // Inertia of one sign and mass of the other: neither taken up nor put down.
-    let mixed = nearest_load(&[-1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 1.0], &sure, 0.8).expect("a body");
+    let mixed = nearest_load(&[-1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 1.0], &sure, 0.8)
+        .expect("a body");
     assert!(mixed.distance2 > 0.9, "{}", mixed.distance2);
 }

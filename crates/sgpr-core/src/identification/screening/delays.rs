@@ -5,15 +5,16 @@ use std::collections::HashMap;
 use faer::Mat;
 
 use super::super::{
-    BaseParameters, Equations, IdentificationError, JointFactor, LeastSquares, Method, Trajectory, TrajectoryColumn,
+    BaseParameters, Equations, IdentificationError, JointFactor, LeastSquares, Method, Trajectory,
+    TrajectoryColumn,
 };
 use super::Finding;
 
-/// Torques that are late or early: all together, and single joints beside them. Goes through the data twice, and more often
-/// where torques seem late by more than ten milliseconds.
+/// Torques that are late or early: all together, and single joints beside them. Goes through the
+/// data twice, and more often where torques seem late by more than ten milliseconds.
 ///
-/// Dry friction near a turn of its joint is torque that seems to come at another time: give equations without the rows
-/// there.
+/// Dry friction near a turn of its joint is torque that seems to come at another time: give
+/// equations without the rows there.
 ///
 /// - `joints`: names
 /// - `rates_hz`: sampling rate of each trajectory
@@ -40,7 +41,9 @@ pub fn screen_delays(
         }
     }
     let fine = (coarse / 4).max(1);
-    residuals.know(&firsts.values().flat_map(|first| around(first.nearest(), fine)).collect::<Vec<_>>())?;
+    residuals.know(
+        &firsts.values().flat_map(|first| around(first.nearest(), fine)).collect::<Vec<_>>(),
+    )?;
     let mut best = |joint: Option<usize>| -> Result<Option<Shift>, IdentificationError> {
         let Some(first) = firsts.get(&joint) else { return Ok(None) };
         // The residual is no parabola far from its minimum.
@@ -48,14 +51,17 @@ pub fn screen_delays(
         Ok(fit.is_inside(coarse).then_some(fit))
     };
     let together = best(None)?;
-    let fits = alone().map(|joint| Ok((joint, best(Some(joint))?))).collect::<Result<Vec<_>, IdentificationError>>()?;
+    let fits = alone()
+        .map(|joint| Ok((joint, best(Some(joint))?)))
+        .collect::<Result<Vec<_>, IdentificationError>>()?;
     let mut findings = Vec::new();
     let mut common = 0;
     if let Some(fit) = together {
         let (shift, gain) = (fit.nearest(), fit.gain(residuals.of(None, 0)?));
         let mut better = 0;
         for &joint in &judged {
-            better += usize::from(residuals.of(Some(joint), shift)? < residuals.of(Some(joint), 0)?);
+            better +=
+                usize::from(residuals.of(Some(joint), shift)? < residuals.of(Some(joint), 0)?);
         }
         if fit.samples.abs() > SAMPLES && gain > TOGETHER && 2 * better > judged.len() {
             common = shift;
@@ -66,16 +72,22 @@ pub fn screen_delays(
         let Some(fit) = fit else { continue };
         let gain = fit.gain(residuals.of(Some(joint), common)?);
         if (fit.samples - common as f64).abs() > SAMPLES && gain > ALONE {
-            findings.push(Finding::Late { joint: joints[joint].clone(), seconds: fit.samples / rate, gain });
+            findings.push(Finding::Late {
+                joint: joints[joint].clone(),
+                seconds: fit.samples / rate,
+                gain,
+            });
         }
     }
     Ok(findings)
 }
 
-/// Share of the residual that a shift of all torques must save to be worth a message: one clock delays all joints ...
+/// Share of the residual that a shift of all torques must save to be worth a message: one clock
+/// delays all joints ...
 pub(super) const TOGETHER: f64 = 0.05;
 
-/// ... and one of a single joint's: what a model lacks there saves up to a fifth at one shift or another.
+/// ... and one of a single joint's: what a model lacks there saves up to a fifth at one shift or
+/// another.
 pub(super) const ALONE: f64 = 0.25;
 
 /// Shifts of fewer samples are explained by a sample clock.
@@ -94,22 +106,32 @@ struct ShiftedResiduals<'e, 'a> {
 struct Residuals {
     /// Of each joint with parameters of its own; none if it has too few rows.
     own: Vec<Option<f64>>,
-    /// Geometric mean over the rows of all joints, with the parameters of one arm, once it was asked for.
+    /// Geometric mean over the rows of all joints, with the parameters of one arm, once it was
+    /// asked for.
     together: Option<f64>,
     /// Of the joints in motion.
     factors: Vec<JointFactor>,
 }
 
 impl ShiftedResiduals<'_, '_> {
-    /// The vertex about the shift with the least squared residual, in steps of `coarse`; none if that is none.
-    fn coarse_shift(&mut self, joint: Option<usize>, coarse: isize) -> Result<Option<Shift>, IdentificationError> {
+    /// The vertex about the shift with the least squared residual, in steps of `coarse`; none if
+    /// that is none.
+    fn coarse_shift(
+        &mut self,
+        joint: Option<usize>,
+        coarse: isize,
+    ) -> Result<Option<Shift>, IdentificationError> {
         let centre = self.least_shift(joint, coarse)?;
         self.vertex(joint, centre, coarse)
     }
 
-    /// The shift, in steps of about `coarse`, with the least residual: outwards in doubled steps as long as it falls, then
-    /// back in halved ones.
-    fn least_shift(&mut self, joint: Option<usize>, coarse: isize) -> Result<isize, IdentificationError> {
+    /// The shift, in steps of about `coarse`, with the least residual: outwards in doubled steps as
+    /// long as it falls, then back in halved ones.
+    fn least_shift(
+        &mut self,
+        joint: Option<usize>,
+        coarse: isize,
+    ) -> Result<isize, IdentificationError> {
         let reaches: Vec<isize> = (0..=DOUBLINGS).map(|doubling| coarse << doubling).collect();
         let mut centre = 0;
         for reach in &reaches {
@@ -131,7 +153,11 @@ impl ShiftedResiduals<'_, '_> {
     }
 
     /// The first of some shifts with the least residual.
-    fn least_of(&mut self, joint: Option<usize>, shifts: [isize; 3]) -> Result<isize, IdentificationError> {
+    fn least_of(
+        &mut self,
+        joint: Option<usize>,
+        shifts: [isize; 3],
+    ) -> Result<isize, IdentificationError> {
         self.know(&shifts)?;
         let (mut least, mut best) = (f64::INFINITY, shifts[0]);
         for shift in shifts {
@@ -171,10 +197,12 @@ impl ShiftedResiduals<'_, '_> {
 
     /// Residuals at several shifts, by one pass through the data, or more where they are many.
     fn know(&mut self, shifts: &[isize]) -> Result<(), IdentificationError> {
-        let mut shifts: Vec<isize> = shifts.iter().copied().filter(|shift| !self.known.contains_key(shift)).collect();
+        let mut shifts: Vec<isize> =
+            shifts.iter().copied().filter(|shift| !self.known.contains_key(shift)).collect();
         shifts.sort_unstable();
         shifts.dedup();
-        let numbers: usize = self.equations.trajectories().iter().map(|trajectory| trajectory.tau.len()).sum();
+        let numbers: usize =
+            self.equations.trajectories().iter().map(|trajectory| trajectory.tau.len()).sum();
         shifts.chunks((SHIFTED / numbers.max(1)).max(1)).try_for_each(|shifts| self.pass(shifts))
     }
 
@@ -182,8 +210,13 @@ impl ShiftedResiduals<'_, '_> {
     fn pass(&mut self, shifts: &[isize]) -> Result<(), IdentificationError> {
         let equations = self.equations;
         let n = equations.robot().dof();
-        let column = |shift: &isize| TrajectoryColumn::new(format!("torque {shift} samples later"), "", None, 1.0);
-        let set = equations.parameter_set().clone().with_trajectory_columns(shifts.iter().map(column).collect());
+        let column = |shift: &isize| {
+            TrajectoryColumn::new(format!("torque {shift} samples later"), "", None, 1.0)
+        };
+        let set = equations
+            .parameter_set()
+            .clone()
+            .with_trajectory_columns(shifts.iter().map(column).collect());
         let base = equations.base().clone().with_later_columns(&set);
         let columns = |trajectory: &Trajectory<'_>| -> Vec<Vec<f64>> {
             let moved = shifts.iter().map(|shift| shifted(trajectory.tau, n, *shift));
@@ -191,7 +224,9 @@ impl ShiftedResiduals<'_, '_> {
         };
         let columns: Vec<Vec<Vec<f64>>> = equations.trajectories().iter().map(columns).collect();
         let trajectories = equations.trajectories().iter().zip(&columns);
-        let trajectories = trajectories.map(|(trajectory, columns)| Trajectory { columns, ..*trajectory }).collect();
+        let trajectories = trajectories
+            .map(|(trajectory, columns)| Trajectory { columns, ..*trajectory })
+            .collect();
         let mut factors = Equations::new(equations.robot(), &set, &base, trajectories).factors()?;
         factors.retain(|factor| !factor.resting);
         for (index, shift) in shifts.iter().enumerate() {
@@ -202,7 +237,8 @@ impl ShiftedResiduals<'_, '_> {
     }
 }
 
-/// The factor with one of the last columns before the torque, of which there are `later`, in the place of the torque.
+/// The factor with one of the last columns before the torque, of which there are `later`, in the
+/// place of the torque.
 fn of_column(factor: &JointFactor, later: usize, index: usize) -> JointFactor {
     let count = factor.columns.len() - later;
     let below = factor.factor.col(count + index).subrows(count, factor.factor.nrows() - count);
@@ -233,9 +269,12 @@ impl Residuals {
         if let Some(known) = self.together {
             return Ok(known);
         }
-        let noise = LeastSquares::new(Method::Wls).solve(&self.factors, base, &vec![0.0; base.rank()])?.noise;
+        let noise = LeastSquares::new(Method::Wls)
+            .solve(&self.factors, base, &vec![0.0; base.rank()])?
+            .noise;
         let pairs = self.factors.iter().zip(&noise);
-        let counted = pairs.filter(|(factor, noise)| self.own[factor.joint].is_some() && **noise > 0.0);
+        let counted =
+            pairs.filter(|(factor, noise)| self.own[factor.joint].is_some() && **noise > 0.0);
         let (mut sum, mut rows) = (0.0, 0.0);
         for (factor, noise) in counted {
             sum += factor.rows as f64 * 2.0 * noise.ln();
@@ -279,7 +318,8 @@ impl Shift {
         self.samples.round() as isize
     }
 
-    /// Whether it lies within what was looked at: a residual that falls to the end of that has no minimum there.
+    /// Whether it lies within what was looked at: a residual that falls to the end of that has no
+    /// minimum there.
     fn is_inside(&self, coarse: isize) -> bool {
         self.samples.abs() <= (coarse << DOUBLINGS) as f64
     }

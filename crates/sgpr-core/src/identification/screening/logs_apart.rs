@@ -1,19 +1,20 @@
 //! Whether all logs are of one arm.
 //!
-//! A log of another robot, with another load or with columns in another order is explained by itself as well as others are,
-//! but by no model of all of them.
+//! A log of another robot, with another load or with columns in another order is explained by
+//! itself as well as others are, but by no model of all of them.
 
 use super::Finding;
 use crate::identification::least_squares::{residual_norm, torque_norm};
 use crate::identification::{BaseParameters, JointFactor, LeastSquares, Method, stacked};
 use crate::linalg::rms;
 
-/// Growth of a log's error from a fit to it alone to one of all logs that an effect which the model lacks does not make: of five
-/// real arms and of simulated ones with hidden effects it stays below 2.5, but for loads that one log has; of logs of two arms
-/// it is above 4.8 for at least one.
+/// Growth of a log's error from a fit to it alone to one of all logs that an effect which the model
+/// lacks does not make: of five real arms and of simulated ones with hidden effects it stays below
+/// 2.5, but for loads that one log has; of logs of two arms it is above 4.8 for at least one.
 const MOST: f64 = 3.0;
 
-/// Share of its torque that a fit to all logs then leaves of a log at least: less is a model of this arm that lacks something.
+/// Share of its torque that a fit to all logs then leaves of a log at least: less is a model of
+/// this arm that lacks something.
 const MUCH: f64 = 0.1;
 
 /// Errors below this share of a joint's torque are none.
@@ -22,8 +23,8 @@ const SMALL: f64 = 0.005;
 /// A log is judged by itself if it has this many times as many rows as there are parameters.
 const ENOUGH: f64 = 4.0;
 
-/// What a fit to a log alone leaves, times this, is what it would leave of other rows; `None` of too few to judge the log by
-/// itself.
+/// What a fit to a log alone leaves, times this, is what it would leave of other rows; `None` of
+/// too few to judge the log by itself.
 pub(crate) fn beyond_own_rows(rows: usize, parameters: usize) -> Option<f64> {
     let freedom = 1.0 - parameters as f64 / rows.max(1) as f64;
     (freedom > 1.0 - 1.0 / ENOUGH).then(|| freedom.sqrt().recip())
@@ -43,7 +44,8 @@ pub(crate) struct Left {
 pub(crate) struct Apart {
     /// The log without which the others agree best.
     pub odd: usize,
-    /// The log whose error grows most, and what a fit to it alone and one to all logs leave of its torque, %.
+    /// The log whose error grows most, and what a fit to it alone and one to all logs leave of its
+    /// torque, %.
     pub grown: usize,
     pub left: [f64; 2],
 }
@@ -54,14 +56,19 @@ fn mean(shares: impl ExactSizeIterator<Item = f64>) -> f64 {
     (shares.map(|share| share.hypot(SMALL).ln()).sum::<f64>() / count).exp()
 }
 
-/// Whether logs are of one arm: a fit to a log alone leaves not much less of it than one to all, which every log suffers from if
-/// one is not theirs.
+/// Whether logs are of one arm: a fit to a log alone leaves not much less of it than one to all,
+/// which every log suffers from if one is not theirs.
 ///
-/// - `most`: growth from the one share to the other, geometric means of the joints, that one arm makes
+/// - `most`: growth from the one share to the other, geometric means of the joints, that one arm
+///   makes
 /// - `logs`: index, and what is left
 pub(crate) fn logs_apart(most: f64, logs: impl Iterator<Item = (usize, Left)>) -> Option<Apart> {
     let means = |(log, left): (usize, Left)| {
-        (log, left.of_others, [0, 1].map(|fit| mean(left.of_joints.iter().map(|shares| shares[fit]))))
+        (
+            log,
+            left.of_others,
+            [0, 1].map(|fit| mean(left.of_joints.iter().map(|shares| shares[fit]))),
+        )
     };
     let logs: Vec<_> = logs.map(means).collect();
     let growth = |[alone, together]: [f64; 2]| together / alone;
@@ -77,7 +84,11 @@ pub(crate) fn logs_apart(most: f64, logs: impl Iterator<Item = (usize, Left)>) -
 ///
 /// # Panics
 /// If `nominal` does not have one value for every base parameter.
-pub fn screen_logs(logs: &[(String, Vec<JointFactor>)], base: &BaseParameters, nominal: &[f64]) -> Option<Finding> {
+pub fn screen_logs(
+    logs: &[(String, Vec<JointFactor>)],
+    base: &BaseParameters,
+    nominal: &[f64],
+) -> Option<Finding> {
     let moving = |factors: &[JointFactor]| -> Vec<JointFactor> {
         factors.iter().filter(|factor| !factor.resting).cloned().collect()
     };
@@ -102,7 +113,11 @@ pub fn screen_logs(logs: &[(String, Vec<JointFactor>)], base: &BaseParameters, n
         let others = factors.iter().enumerate().filter(|(other, _)| *other != log);
         let others = stacked(others.flat_map(|(_, factors)| factors));
         let of_others = rms(&left_of(&others, &fit(&others)?));
-        let of_joints = alone.iter().zip(&together[log]).map(|(alone, together)| [wider * alone, *together]).collect();
+        let of_joints = alone
+            .iter()
+            .zip(&together[log])
+            .map(|(alone, together)| [wider * alone, *together])
+            .collect();
         Some((log, Left { of_joints, of_others }))
     };
     let Apart { odd, grown, left } = logs_apart(MOST, factors.iter().enumerate().filter_map(left))?;

@@ -1,7 +1,7 @@
 //! What is wrong with data before anyone believes an estimate from them.
 //!
-//! A rigid arm is a strong test of its log: all joints share the same bodies. A torque of the wrong sign or unit, or one
-//! that is late, breaks what the other joints say, and the break tells which.
+//! A rigid arm is a strong test of its log: all joints share the same bodies. A torque of the wrong
+//! sign or unit, or one that is late, breaks what the other joints say, and the break tells which.
 
 mod delays;
 mod logs_apart;
@@ -35,7 +35,8 @@ pub enum Finding {
     },
     /// All torques have the other sign: friction would drive the arm.
     AllNegated,
-    /// Friction would drive a joint, whose torque shares too little with the others for them to tell its sign.
+    /// Friction would drive a joint, whose torque shares too little with the others for them to
+    /// tell its sign.
     Driven {
         /// Name of the joint.
         joint: String,
@@ -61,7 +62,8 @@ pub enum Finding {
     },
     /// The torques of all joints and the motion are not simultaneous.
     AllLate {
-        /// By how much the torques come after the motion that they belong to, s; negative if before.
+        /// By how much the torques come after the motion that they belong to, s; negative if
+        /// before.
         seconds: f64,
         /// Share by which the residual falls if that is undone.
         gain: f64,
@@ -99,7 +101,8 @@ pub enum Finding {
     LogsApart {
         /// The log that suffers most from the others.
         log: String,
-        /// What a fit to it alone and one to all logs leave of its torque, %, geometric means of the joints.
+        /// What a fit to it alone and one to all logs leave of its torque, %, geometric means of
+        /// the joints.
         left: [f64; 2],
         /// The log without which the others agree best.
         odd: String,
@@ -191,10 +194,14 @@ impl Finding {
         }
     }
 
-    /// What to do about it: a note where it is right more often than it is a fault, or where the motion is to blame.
+    /// What to do about it: a note where it is right more often than it is a fault, or where the
+    /// motion is to blame.
     pub fn severity(&self) -> Severity {
         match self {
-            Self::Outliers { .. } | Self::Late { .. } | Self::Leverage { .. } | Self::Weak { .. } => Severity::Note,
+            Self::Outliers { .. }
+            | Self::Late { .. }
+            | Self::Leverage { .. }
+            | Self::Weak { .. } => Severity::Note,
             _ => Severity::Warning,
         }
     }
@@ -206,33 +213,37 @@ impl fmt::Display for Finding {
         match self {
             Self::Negated { joint } => write!(
                 f,
-                "the torque of {joint} looks negated: with the other sign it agrees with the other joints; check the sign \
-                 conventions of the log"
+                "the torque of {joint} looks negated: with the other sign it agrees with the other \
+                 joints; check the sign conventions of the log"
             ),
             Self::AllNegated => write!(
                 f,
-                "all torques look negated: as they are, friction would drive the arm; check the sign convention of the log"
+                "all torques look negated: as they are, friction would drive the arm; check the \
+                 sign convention of the log"
             ),
             Self::Driven { joint } => write!(
                 f,
-                "the torque or the position of {joint} looks negated: as they are, friction would drive the joint; check the \
-                 sign conventions of the log, and whether friction is compensated twice"
+                "the torque or the position of {joint} looks negated: as they are, friction would \
+                 drive the joint; check the sign conventions of the log, and whether friction is \
+                 compensated twice"
             ),
             Self::Scaled { joint, factor } => write!(
                 f,
-                "the torque of {joint} is in another unit or has another gain than the others: times {factor:.3} it agrees \
-                 with them"
+                "the torque of {joint} is in another unit or has another gain than the others: \
+                 times {factor:.3} it agrees with them"
             ),
             Self::Contradiction { joint, ratio } => write!(
                 f,
-                "the torque of {joint} does not fit one arm: its residual is {ratio:.1} times what parameters of its own would \
-                 leave. Check the order of the joints, signs, zeros and units of positions and torques, and the lengths of the \
-                 robot file; or the model lacks something large there, such as a spring"
+                "the torque of {joint} does not fit one arm: its residual is {ratio:.1} times what \
+                 parameters of its own would leave. Check the order of the joints, signs, zeros \
+                 and units of positions and torques, and the lengths of the robot file; or the \
+                 model lacks something large there, such as a spring"
             ),
             Self::AllScaled { factor } => write!(
                 f,
-                "the torques are {} times what the masses of the robot file need: check their unit (mN·m, currents without \
-                 their torque constants, the motor's side of a gear), or the masses",
+                "the torques are {} times what the masses of the robot file need: check their unit \
+                 (mN·m, currents without their torque constants, the motor's side of a gear), or \
+                 the masses",
                 match *factor {
                     1.0.. => format!("{factor:.0}"),
                     0.01.. => format!("{factor:.3}"),
@@ -241,43 +252,53 @@ impl fmt::Display for Finding {
             ),
             Self::AllLate { seconds, gain } => write!(
                 f,
-                "the torques come {} their motion; shifted, the residual would be {:.0} % smaller. Give the torque the time \
-                 at which it was measured, or shift it; a drive that lags looks the same",
+                "the torques come {} their motion; shifted, the residual would be {:.0} % smaller. \
+                 Give the torque the time at which it was measured, or shift it; a drive that lags \
+                 looks the same",
                 by(*seconds),
                 100.0 * gain
             ),
             Self::TorqueEnds { hz, band_hz, compared_hz } => write!(
                 f,
-                "the torques end at {hz:.1} Hz, while the motion goes on to {band_hz:.1} Hz: they were low-passed before they were \
-                 logged, and rows above say nothing of the arm. Compare both sides up to {compared_hz:.1} Hz (torque_band), or log \
-                 torques as they are measured; a filter that ran forward only made them late, too, as `actuator_lag` does"
+                "the torques end at {hz:.1} Hz, while the motion goes on to {band_hz:.1} Hz: they \
+                 were low-passed before they were logged, and rows above say nothing of the arm. \
+                 Compare both sides up to {compared_hz:.1} Hz (torque_band), or log torques as \
+                 they are measured; a filter that ran forward only made them late, too, as \
+                 `actuator_lag` does"
             ),
             Self::Late { joint, seconds, gain } => write!(
                 f,
-                "the torque of {joint} comes {} its motion, which is not so at the other joints; shifted, its residual would \
-                 be {:.0} % smaller. Friction that lags behind a reversal, a spring or an elastic joint looks the same",
+                "the torque of {joint} comes {} its motion, which is not so at the other joints; \
+                 shifted, its residual would be {:.0} % smaller. Friction that lags behind a \
+                 reversal, a spring or an elastic joint looks the same",
                 by(*seconds),
                 100.0 * gain
             ),
             Self::Outliers { joint, count, worst, deviations } => write!(
                 f,
-                "{count} {} far off the model, the farthest by {deviations:.0} standard deviations (log {}, sample {}): \
-                 look there, or use a robust method (irls); turns of a joint that sticks look the same",
-                if *count == 1 { format!("torque of {joint} lies") } else { format!("torques of {joint} lie") },
+                "{count} {} far off the model, the farthest by {deviations:.0} standard deviations \
+                 (log {}, sample {}): look there, or use a robust method (irls); turns of a joint \
+                 that sticks look the same",
+                if *count == 1 {
+                    format!("torque of {joint} lies")
+                } else {
+                    format!("torques of {joint} lie")
+                },
                 worst.0 + 1,
                 worst.1
             ),
             Self::LogsApart { log, left: [alone, together], odd } => write!(
                 f,
-                "the logs do not fit one model: a fit to {log} alone leaves {alone:.1} % of its torque, one to all of them \
-                 {together:.1} %, and they agree best without {odd}. They are of two robots, have other loads, or columns in \
-                 another order or unit: leave out what is not of this arm, or identify the logs one by one (`sgpr diagnose` finds \
-                 a load that is taken up)"
+                "the logs do not fit one model: a fit to {log} alone leaves {alone:.1} % of its \
+                 torque, one to all of them {together:.1} %, and they agree best without {odd}. \
+                 They are of two robots, have other loads, or columns in another order or unit: \
+                 leave out what is not of this arm, or identify the logs one by one (`sgpr \
+                 diagnose` finds a load that is taken up)"
             ),
             Self::Leverage { at, time, share } => write!(
                 f,
-                "{:.0} % of what the data say come from {:.1} % of the time (log {}, from sample {}): the estimate hangs \
-                 on it",
+                "{:.0} % of what the data say come from {:.1} % of the time (log {}, from sample \
+                 {}): the estimate hangs on it",
                 100.0 * share,
                 100.0 * time,
                 at.0 + 1,
@@ -285,21 +306,23 @@ impl fmt::Display for Finding {
             ),
             Self::Weak { combination, share, joints } => write!(
                 f,
-                "the motion hardly excites {combination} (1/{:.0} of what it excites most): move {} faster, farther and \
-                 against each other",
+                "the motion hardly excites {combination} (1/{:.0} of what it excites most): move \
+                 {} faster, farther and against each other",
                 1.0 / share,
                 joints.join(" and ")
             ),
             Self::Saturated { joint, limit, unit, share } => write!(
                 f,
-                "the torque of {joint} is at or above its limit of {} {unit} in {:.1} % of the samples: what the drive could \
-                 not give is not in the model; leave these times out, or move slower",
+                "the torque of {joint} is at or above its limit of {} {unit} in {:.1} % of the \
+                 samples: what the drive could not give is not in the model; leave these times \
+                 out, or move slower",
                 significant(*limit),
                 100.0 * share
             ),
             Self::Outside { joint, limits: [low, high], unit, share, in_degrees } => write!(
                 f,
-                "the position of {joint} is outside its limits of {} to {} {unit} in {:.1} % of the samples: {}",
+                "the position of {joint} is outside its limits of {} to {} {unit} in {:.1} % of \
+                 the samples: {}",
                 significant(*low),
                 significant(*high),
                 100.0 * share,
@@ -321,15 +344,18 @@ fn by(seconds: f64) -> String {
 /// A direction is weak below this share of the strongest, columns of unit length.
 const WEAK: f64 = 1.0 / 500.0;
 
-/// Joints that see the same arm leave at most this many times the residual that each leaves with parameters of its own.
+/// Joints that see the same arm leave at most this many times the residual that each leaves with
+/// parameters of its own.
 const DISAGREEMENT: f64 = 2.0;
 
-/// The same of a joint that is wrong in some way: missing effects of real arms reach 2.5. And its residual as a share of its
-/// torque, as a sensor that is off by a thousandth contradicts the others, too, where they are good.
+/// The same of a joint that is wrong in some way: missing effects of real arms reach 2.5. And its
+/// residual as a share of its torque, as a sensor that is off by a thousandth contradicts the
+/// others, too, where they are good.
 const CONTRADICTION: f64 = 3.5;
 const WORTH_A_MESSAGE: f64 = 0.03;
 
-/// What the factors alone tell: signs, units, weak directions. Costs nothing against collecting them.
+/// What the factors alone tell: signs, units, weak directions. Costs nothing against collecting
+/// them.
 pub fn screen_factors(
     set: &ParameterSet,
     base: &BaseParameters,
@@ -337,17 +363,22 @@ pub fn screen_factors(
     factors: &[JointFactor],
     estimate: &Estimate,
 ) -> Vec<Finding> {
-    let ratios =
-        factors.iter().zip(&estimate.noise).map(|(factor, noise)| (factor, noise / noise_alone(factor), *noise));
+    let ratios = factors
+        .iter()
+        .zip(&estimate.noise)
+        .map(|(factor, noise)| (factor, noise / noise_alone(factor), *noise));
     let worst = ratios.max_by(|a, b| a.1.total_cmp(&b.1));
     let (joint, ratio, share) = worst.map_or((0, 0.0, 0.0), |(factor, ratio, noise)| {
         (factor.joint, ratio, noise * (factor.rows as f64).sqrt() / torque_norm(factor))
     });
-    let mut findings = if ratio > DISAGREEMENT { wrong_torques(set, base, joints, factors) } else { Vec::new() };
+    let mut findings =
+        if ratio > DISAGREEMENT { wrong_torques(set, base, joints, factors) } else { Vec::new() };
     if findings.is_empty() {
         findings.extend(wrong_gain(base, joints, factors, estimate.unit));
     }
-    if findings.is_empty() && friction_drives(set, base, &estimate.values, &estimate.standard_deviations()) {
+    if findings.is_empty()
+        && friction_drives(set, base, &estimate.values, &estimate.standard_deviations())
+    {
         findings = driven(set, base, joints, factors);
     }
     if findings.is_empty() {
@@ -363,12 +394,16 @@ pub fn screen_factors(
 /// Noise of a factor with parameters of its own; infinite where these can follow its few rows.
 fn noise_alone(factor: &JointFactor) -> f64 {
     const ROWS_PER_COLUMN: usize = 2;
-    if factor.rows < ROWS_PER_COLUMN * factor.columns.len() { f64::INFINITY } else { own_noise(factor) }
+    if factor.rows < ROWS_PER_COLUMN * factor.columns.len() {
+        f64::INFINITY
+    } else {
+        own_noise(factor)
+    }
 }
 
-/// Whether all torques are far from those of the robot file, as they are in another unit. Nothing is said where they are
-/// no multiple of the file at all. What effects explain does not count: the file says nothing of friction and rotors, which
-/// can be most of the torque of a light link.
+/// Whether all torques are far from those of the robot file, as they are in another unit. Nothing
+/// is said where they are no multiple of the file at all. What effects explain does not count: the
+/// file says nothing of friction and rotors, which can be most of the torque of a light link.
 ///
 /// - `nominal`: base parameters of the robot file, `[rank]`
 pub fn screen_scale(
@@ -407,7 +442,8 @@ pub fn screen_scale(
     (alike && !(1.0 / FACTOR..FACTOR).contains(&factor)).then_some(Finding::AllScaled { factor })
 }
 
-/// Signs and units, joint by joint: the factor on a joint's torque with which it agrees best with the other joints.
+/// Signs and units, joint by joint: the factor on a joint's torque with which it agrees best with
+/// the other joints.
 fn wrong_torques(
     set: &ParameterSet,
     base: &BaseParameters,
@@ -420,14 +456,17 @@ fn wrong_torques(
     let mut factors = factors.to_vec();
     let mut noise: Vec<f64> = factors.iter().map(noise_alone).collect();
     let mut corrections = vec![1.0; joints.len()];
-    let mut correct = |joint: usize, correction: f64, factors: &mut [JointFactor], noise: &mut [f64]| {
-        corrections[joint] *= correction;
-        for (factor, noise) in factors.iter_mut().zip(noise).filter(|(factor, _)| factor.joint == joint) {
-            let last = factor.factor.ncols() - 1;
-            factor.factor.col_mut(last).iter_mut().for_each(|value| *value *= correction);
-            *noise *= correction.abs();
-        }
-    };
+    let mut correct =
+        |joint: usize, correction: f64, factors: &mut [JointFactor], noise: &mut [f64]| {
+            corrections[joint] *= correction;
+            for (factor, noise) in
+                factors.iter_mut().zip(noise).filter(|(factor, _)| factor.joint == joint)
+            {
+                let last = factor.factor.ncols() - 1;
+                factor.factor.col_mut(last).iter_mut().for_each(|value| *value *= correction);
+                *noise *= correction.abs();
+            }
+        };
     for joint in negated(set, base, &factors, &noise) {
         correct(joint, -1.0, &mut factors, &mut noise);
     }
@@ -442,11 +481,18 @@ fn wrong_torques(
             let known = factor.abs() > 10.0 * deviation * (after / rows).sqrt();
             suspicious && known && now > BETTER * after
         };
-        let candidates = (0..joints.len()).map(|joint| ScaledTorque::new(joint, &factors, &noise, rank)).filter(wrong);
+        let candidates = (0..joints.len())
+            .map(|joint| ScaledTorque::new(joint, &factors, &noise, rank))
+            .filter(wrong);
         let Some(best) = candidates.min_by(|a, b| a.residual.total_cmp(&b.residual)) else { break };
         let ScaledTorque { joint, factor, .. } = best;
         corrected[joint] = true;
-        correct(joint, if (-1.7..-0.6).contains(&factor) { -1.0 } else { factor }, &mut factors, &mut noise);
+        correct(
+            joint,
+            if (-1.7..-0.6).contains(&factor) { -1.0 } else { factor },
+            &mut factors,
+            &mut noise,
+        );
     }
     // What agrees is known up to a common sign: friction must brake.
     let system = stack(&factors, rank, &noise);
@@ -466,12 +512,19 @@ fn wrong_torques(
 
 /// Joints whose torques agree with the others with the other sign, any number of them at once.
 ///
-/// With a column for each joint's torque the squared residual is a quadratic form in the factors on the torques, so that
-/// all signs can be tried. Among those that are about as good, friction decides, which must brake, then their number.
-fn negated(set: &ParameterSet, base: &BaseParameters, factors: &[JointFactor], noise: &[f64]) -> Vec<usize> {
+/// With a column for each joint's torque the squared residual is a quadratic form in the factors on
+/// the torques, so that all signs can be tried. Among those that are about as good, friction
+/// decides, which must brake, then their number.
+fn negated(
+    set: &ParameterSet,
+    base: &BaseParameters,
+    factors: &[JointFactor],
+    noise: &[f64],
+) -> Vec<usize> {
     // More joints than any arm has.
     const MOST: usize = 12;
-    // Residual ratios by which signs must be better than none, and within which they are as good as others.
+    // Residual ratios by which signs must be better than none, and within which they are as good as
+    // others.
     const BETTER: f64 = 2.0;
     const AS_GOOD: f64 = 1.25;
     let (rank, joints) = (base.rank(), set.dof());
@@ -490,33 +543,41 @@ fn negated(set: &ParameterSet, base: &BaseParameters, factors: &[JointFactor], n
     let system = stack(&extended, rank + joints, noise);
     let sign = |signs: usize, joint: usize| if signs >> joint & 1 == 1 { -1.0 } else { 1.0 };
     let squares = |signs: usize| -> f64 {
-        let row = |row: usize| (row..joints).map(|k| system[(rank + row, rank + k)] * sign(signs, k)).sum::<f64>();
+        let row = |row: usize| {
+            (row..joints).map(|k| system[(rank + row, rank + k)] * sign(signs, k)).sum::<f64>()
+        };
         (0..joints).map(|k| row(k).powi(2)).sum()
     };
-    let all: Vec<(f64, usize)> = (0..1_usize << joints).map(|signs| (squares(signs), signs)).collect();
+    let all: Vec<(f64, usize)> =
+        (0..1_usize << joints).map(|signs| (squares(signs), signs)).collect();
     let least = all.iter().map(|(squares, _)| *squares).fold(f64::INFINITY, f64::min);
     if squares(0) <= BETTER * least {
         return Vec::new();
     }
     let mut brakes = vec![0.0; joints];
     factors.iter().for_each(|factor| brakes[factor.joint] += friction_sign(set, base, factor));
-    let braking = |signs: usize| (0..joints).map(|joint| sign(signs, joint) * brakes[joint]).sum::<f64>();
-    let good = all.iter().filter(|(squares, _)| *squares <= AS_GOOD * least).map(|(_, signs)| *signs);
-    let best = good.max_by(|&a, &b| braking(a).total_cmp(&braking(b)).then(b.count_ones().cmp(&a.count_ones())));
+    let braking =
+        |signs: usize| (0..joints).map(|joint| sign(signs, joint) * brakes[joint]).sum::<f64>();
+    let good =
+        all.iter().filter(|(squares, _)| *squares <= AS_GOOD * least).map(|(_, signs)| *signs);
+    let best = good.max_by(|&a, &b| {
+        braking(a).total_cmp(&braking(b)).then(b.count_ones().cmp(&a.count_ones()))
+    });
     let signs = best.unwrap_or(0);
     (0..joints).filter(|joint| signs >> joint & 1 == 1).collect()
 }
 
-/// Whether friction and rotor of a joint, found from its own rows alone, are what they can be (1) or negative (-1), beyond
-/// doubt; 0 if neither.
+/// Whether friction and rotor of a joint, found from its own rows alone, are what they can be (1)
+/// or negative (-1), beyond doubt; 0 if neither.
 fn friction_sign(set: &ParameterSet, base: &BaseParameters, factor: &JointFactor) -> f64 {
     const SURE: f64 = 5.0;
     let friction = surest_friction(set, base, factor);
     if friction.abs() > SURE { friction.signum() } else { 0.0 }
 }
 
-/// Of the friction and rotor of a joint, found from its own rows alone, the parameter that is known best, in standard
-/// deviations of independent rows; 0 at rest. The others follow what the model lacks.
+/// Of the friction and rotor of a joint, found from its own rows alone, the parameter that is known
+/// best, in standard deviations of independent rows; 0 at rest. The others follow what the model
+/// lacks.
 fn surest_friction(set: &ParameterSet, base: &BaseParameters, factor: &JointFactor) -> f64 {
     if factor.resting {
         return 0.0;
@@ -527,9 +588,13 @@ fn surest_friction(set: &ParameterSet, base: &BaseParameters, factor: &JointFact
     let own = base.independent().iter().enumerate().filter(|&(_, &parameter)| {
         parameter >= set.inertial()
             && set.is_non_negative(parameter)
-            && set.effect_columns().get(parameter - set.inertial()).is_some_and(|column| column.joint == factor.joint)
+            && set
+                .effect_columns()
+                .get(parameter - set.inertial())
+                .is_some_and(|column| column.joint == factor.joint)
     });
-    let deviations = own.map(|(k, _)| values[k] / (unit * inverse[(k, k)]).sqrt()).filter(|t| t.is_finite());
+    let deviations =
+        own.map(|(k, _)| values[k] / (unit * inverse[(k, k)]).sqrt()).filter(|t| t.is_finite());
     deviations.max_by(|a, b| a.abs().total_cmp(&b.abs())).unwrap_or(0.0)
 }
 
@@ -543,7 +608,8 @@ struct ScaledTorque {
 
 impl ScaledTorque {
     fn new(joint: usize, factors: &[JointFactor], noise: &[f64], rank: usize) -> Self {
-        let extended: Vec<JointFactor> = factors.iter().map(|factor| with_free_torque(factor, joint, rank)).collect();
+        let extended: Vec<JointFactor> =
+            factors.iter().map(|factor| with_free_torque(factor, joint, rank)).collect();
         let mut noise = noise.to_vec();
         let mut found = Self { joint, factor: 1.0, deviation: 0.0, residual: f64::INFINITY };
         // The noise of the torque is scaled with it: once more with the right one.
@@ -569,21 +635,32 @@ fn residual(system: &Mat<f64>) -> f64 {
 }
 
 fn total_rows(factors: &[JointFactor]) -> f64 {
-    factors.iter().filter(|factor| !factor.resting).map(|factor| factor.rows as f64).sum::<f64>().max(1.0)
+    factors
+        .iter()
+        .filter(|factor| !factor.resting)
+        .map(|factor| factor.rows as f64)
+        .sum::<f64>()
+        .max(1.0)
 }
 
 /// The joint whose torque has another gain than the others, as far as it shares bodies with them.
 ///
-/// Friction, rotor and what only this joint moves take any gain up; what it shares with others does not. The squared
-/// residual over the gain says how well it is known.
+/// Friction, rotor and what only this joint moves take any gain up; what it shares with others does
+/// not. The squared residual over the gain says how well it is known.
 ///
 /// - `unit`: standard deviation of a weighted row, memory included
-fn wrong_gain(base: &BaseParameters, joints: &[String], factors: &[JointFactor], unit: f64) -> Option<Finding> {
-    // Healthy logs of real arms give gains of 0.85 to 1.27 where they are known, and any with four deviations where not.
+fn wrong_gain(
+    base: &BaseParameters,
+    joints: &[String],
+    factors: &[JointFactor],
+    unit: f64,
+) -> Option<Finding> {
+    // Healthy logs of real arms give gains of 0.85 to 1.27 where they are known, and any with four
+    // deviations where not.
     const WRONG: f64 = 1.5;
     const SURE: f64 = 8.0;
-    // Share of the squared residual that the right gain saves, and what is left as a multiple of what each joint leaves with
-    // parameters of its own.
+    // Share of the squared residual that the right gain saves, and what is left as a multiple of
+    // what each joint leaves with parameters of its own.
     const BETTER: f64 = 0.1;
     const AGREEMENT: f64 = 1.5;
     let noise: Vec<f64> = factors.iter().map(noise_alone).collect();
@@ -591,7 +668,9 @@ fn wrong_gain(base: &BaseParameters, joints: &[String], factors: &[JointFactor],
     let rows = total_rows(factors);
     let variance = unit.powi(2).max(1.0) / rows;
     let found = (0..joints.len()).filter_map(|joint| {
-        let gain = GainCurve::search(&mut |logarithm| with_gain(joint, logarithm, factors, &noise, base.rank()))?;
+        let gain = GainCurve::search(&mut |logarithm| {
+            with_gain(joint, logarithm, factors, &noise, base.rank())
+        })?;
         let deviation = (2.0 * variance * gain.residual / gain.curvature).sqrt();
         let certain = gain.logarithm.abs() > WRONG.ln() && gain.logarithm.abs() > SURE * deviation;
         // Joints that contradict each other afterwards, too, have something else, such as springs.
@@ -603,9 +682,17 @@ fn wrong_gain(base: &BaseParameters, joints: &[String], factors: &[JointFactor],
 }
 
 /// Squared residual with a joint's torque, and its noise, divided by a gain.
-fn with_gain(joint: usize, logarithm: f64, factors: &[JointFactor], noise: &[f64], rank: usize) -> f64 {
+fn with_gain(
+    joint: usize,
+    logarithm: f64,
+    factors: &[JointFactor],
+    noise: &[f64],
+    rank: usize,
+) -> f64 {
     let (mut factors, mut noise) = (factors.to_vec(), noise.to_vec());
-    for (factor, noise) in factors.iter_mut().zip(&mut noise).filter(|(factor, _)| factor.joint == joint) {
+    for (factor, noise) in
+        factors.iter_mut().zip(&mut noise).filter(|(factor, _)| factor.joint == joint)
+    {
         let last = factor.factor.ncols() - 1;
         factor.factor.col_mut(last).iter_mut().for_each(|value| *value *= (-logarithm).exp());
         *noise *= (-logarithm).exp();
@@ -674,7 +761,12 @@ fn with_free_torque(factor: &JointFactor, joint: usize, rank: usize) -> JointFac
 }
 
 /// The joints that friction would drive, where most are so: all, or those that their own rows name.
-fn driven(set: &ParameterSet, base: &BaseParameters, joints: &[String], factors: &[JointFactor]) -> Vec<Finding> {
+fn driven(
+    set: &ParameterSet,
+    base: &BaseParameters,
+    joints: &[String],
+    factors: &[JointFactor],
+) -> Vec<Finding> {
     let signs: Vec<(usize, f64)> =
         factors.iter().map(|factor| (factor.joint, friction_sign(set, base, factor))).collect();
     if !signs.iter().any(|(_, sign)| *sign > 0.0) {
@@ -684,7 +776,8 @@ fn driven(set: &ParameterSet, base: &BaseParameters, joints: &[String], factors:
     negative.map(|(joint, _)| Finding::Negated { joint: joints[*joint].clone() }).collect()
 }
 
-/// Joints whose own rows have friction drive them, while the other joints say nothing of their sign.
+/// Joints whose own rows have friction drive them, while the other joints say nothing of their
+/// sign.
 ///
 /// - `unit`: standard deviation of a weighted row, memory included
 fn driven_alone(
@@ -696,13 +789,23 @@ fn driven_alone(
 ) -> Vec<Finding> {
     const SURE: f64 = 5.0;
     let drives = |factor: &&JointFactor| {
-        noise_alone(factor).is_finite() && surest_friction(set, base, factor) < -SURE * unit.max(1.0)
+        noise_alone(factor).is_finite()
+            && surest_friction(set, base, factor) < -SURE * unit.max(1.0)
     };
-    factors.iter().filter(drives).map(|factor| Finding::Driven { joint: joints[factor.joint].clone() }).collect()
+    factors
+        .iter()
+        .filter(drives)
+        .map(|factor| Finding::Driven { joint: joints[factor.joint].clone() })
+        .collect()
 }
 
 /// Whether most of the parameters that cannot be negative are, beyond doubt.
-fn friction_drives(set: &ParameterSet, base: &BaseParameters, values: &[f64], deviations: &[f64]) -> bool {
+fn friction_drives(
+    set: &ParameterSet,
+    base: &BaseParameters,
+    values: &[f64],
+    deviations: &[f64],
+) -> bool {
     const SURE: f64 = 5.0;
     let (mut negative, mut positive) = (0, 0);
     for (k, &parameter) in base.independent().iter().enumerate() {
@@ -731,9 +834,9 @@ fn weak_direction(names: &[String], joints: &[String], estimate: &Estimate) -> O
             (_, true) => " - ",
         };
         combination += &format!("{sign}{:.2} {}", share.abs(), names[*base]);
-        let own = joints
-            .iter()
-            .find(|joint| names[*base].strip_prefix(joint.as_str()).is_some_and(|rest| rest.starts_with('.')));
+        let own = joints.iter().find(|joint| {
+            names[*base].strip_prefix(joint.as_str()).is_some_and(|rest| rest.starts_with('.'))
+        });
         if let Some(joint) = own.filter(|joint| !moving.contains(joint)) {
             moving.push(joint.clone());
         }
@@ -741,10 +844,11 @@ fn weak_direction(names: &[String], joints: &[String], estimate: &Estimate) -> O
     Some(Finding::Weak { combination, share: weakest.relative_singular_value, joints: moving })
 }
 
-/// What only the rows tell: rows far off, times on which everything hangs. Goes through the data once.
+/// What only the rows tell: rows far off, times on which everything hangs. Goes through the data
+/// once.
 ///
-/// Dry friction near a turn of its joint leaves rows far off the model: give equations without the rows there, nor those at
-/// the ends of a log.
+/// Dry friction near a turn of its joint leaves rows far off the model: give equations without the
+/// rows there, nor those at the ends of a log.
 ///
 /// - `joints`: names
 /// - `rates_hz`: sampling rate of each trajectory
@@ -776,7 +880,11 @@ pub fn screen_rows(
             return;
         }
         rows += 1;
-        residuals[equation.joint].push((equation.residual(&estimate.values), equation.trajectory, equation.sample));
+        residuals[equation.joint].push((
+            equation.residual(&estimate.values),
+            equation.trajectory,
+            equation.sample,
+        ));
         coordinates.fill(0.0);
         directions.add_coordinates(equation.columns, equation.row, 1.0 / noise, &mut coordinates);
         let weight: f64 = coordinates.iter().map(|value| value * value).sum();

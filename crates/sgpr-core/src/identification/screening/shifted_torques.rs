@@ -1,8 +1,9 @@
 //! Torques that are late, found beside the memory of a record in one pass through the rows.
 //!
-//! [`screen_delays`](super::screen_delays) goes through the data for each shift that it looks at. Here products of the rows
-//! with the torques of a few rows earlier and later are summed, of every fourth row that is far from turns of its joint:
-//! with them each joint's own least squares has a residual at each of these shifts.
+//! [`screen_delays`](super::screen_delays) goes through the data for each shift that it looks at.
+//! Here products of the rows with the torques of a few rows earlier and later are summed, of every
+//! fourth row that is far from turns of its joint: with them each joint's own least squares has a
+//! residual at each of these shifts.
 
 use faer::linalg::triangular_solve::solve_lower_triangular_in_place;
 use faer::{Mat, Par};
@@ -36,7 +37,8 @@ pub(crate) struct ShiftedTorques {
 struct ShiftProducts {
     /// Columns of a row without its torque.
     columns: usize,
-    /// The last rows, each at its number modulo [`HELD`], the torque last; and whether they are calm.
+    /// The last rows, each at its number modulo [`HELD`], the torque last; and whether they are
+    /// calm.
     held: Vec<f64>,
     calm: [bool; HELD],
     /// Trajectory and number of the last row, and how many came without a hole up to it.
@@ -89,7 +91,8 @@ impl ShiftedTorques {
         let together: [f64; SHIFTS.len()] = std::array::from_fn(together);
         if let Some((fit, gain)) = best(&together).filter(|_| rows > 0.0) {
             let nearest = nearest(fit.samples);
-            let better = judged.iter().filter(|(.., squares)| squares[nearest] < squares[MIDDLE]).count();
+            let better =
+                judged.iter().filter(|(.., squares)| squares[nearest] < squares[MIDDLE]).count();
             if fit.samples.abs() > LEAST_SHIFT && gain > TOGETHER && 2 * better > judged.len() {
                 // Single joints stand apart from a clock that is right.
                 return vec![Finding::AllLate { seconds: fit.samples / rate, gain }];
@@ -98,7 +101,11 @@ impl ShiftedTorques {
         let late = |(joint, _, squares): &(usize, f64, [f64; SHIFTS.len()])| {
             let (fit, gain) = best(squares)?;
             let is_late = fit.samples.abs() > LEAST_SHIFT && gain > ALONE;
-            is_late.then(|| Finding::Late { joint: joints[*joint].clone(), seconds: fit.samples / rate, gain })
+            is_late.then(|| Finding::Late {
+                joint: joints[*joint].clone(),
+                seconds: fit.samples / rate,
+                gain,
+            })
         };
         judged.iter().filter(|_| joints.len() > 1).filter_map(late).collect()
     }
@@ -113,8 +120,8 @@ fn nearest(rows: f64) -> usize {
     (0..SHIFTS.len()).min_by(|a, b| apart(a).total_cmp(&apart(b))).expect("there are shifts")
 }
 
-/// The shift with the least squared residual, and the share of the residual that it saves; none if the residual falls to the
-/// end of what was looked at.
+/// The shift with the least squared residual, and the share of the residual that it saves; none if
+/// the residual falls to the end of what was looked at.
 fn best(squares: &[f64; SHIFTS.len()]) -> Option<(Shift, f64)> {
     let least = (0..SHIFTS.len()).min_by(|a, b| squares[*a].total_cmp(&squares[*b]))?;
     // Three shifts about it, or the last three, of equal steps.
@@ -142,7 +149,9 @@ impl ShiftProducts {
     }
 
     fn push(&mut self, equation: &Equation<'_>, place: usize, is_calm: bool) {
-        let goes_on = self.at.is_some_and(|(trajectory, last)| trajectory == equation.trajectory && last + 1 == place);
+        let goes_on = self.at.is_some_and(|(trajectory, last)| {
+            trajectory == equation.trajectory && last + 1 == place
+        });
         self.run = if goes_on { self.run + 1 } else { 1 };
         self.at = Some((equation.trajectory, place));
         let width = self.columns + 1;
@@ -155,7 +164,8 @@ impl ShiftProducts {
         if !centre.is_multiple_of(STEP) || !self.calm[centre % HELD] {
             return;
         }
-        self.row[..self.columns].copy_from_slice(&self.held[centre % HELD * width..][..self.columns]);
+        self.row[..self.columns]
+            .copy_from_slice(&self.held[centre % HELD * width..][..self.columns]);
         for (value, shift) in self.row[self.columns..].iter_mut().zip(SHIFTS) {
             *value = self.held[centre.wrapping_add_signed(shift) % HELD * width + self.columns];
         }
@@ -173,15 +183,19 @@ impl ShiftProducts {
             return None;
         }
         let all = self.row.len();
-        let (columns, at) = (self.columns, |row: usize, column: usize| self.sum[row * all + column]);
-        let scale: Vec<f64> = (0..columns).map(|k| if at(k, k) > 0.0 { 1.0 / at(k, k).sqrt() } else { 1.0 }).collect();
+        let (columns, at) =
+            (self.columns, |row: usize, column: usize| self.sum[row * all + column]);
+        let scale: Vec<f64> = (0..columns)
+            .map(|k| if at(k, k) > 0.0 { 1.0 / at(k, k).sqrt() } else { 1.0 })
+            .collect();
         let products = Mat::from_fn(columns, columns, |row, column| {
             let (low, high) = (row.max(column), row.min(column));
             let ridge = if row == column { RIDGE } else { 0.0 };
             at(low, high) * scale[row] * scale[column] + ridge
         });
         let factor = cholesky(products.as_ref())?;
-        let mut shared = Mat::from_fn(columns, SHIFTS.len(), |row, shift| at(columns + shift, row) * scale[row]);
+        let mut shared =
+            Mat::from_fn(columns, SHIFTS.len(), |row, shift| at(columns + shift, row) * scale[row]);
         solve_lower_triangular_in_place(factor.transpose(), shared.as_mut(), Par::Seq);
         let residual = |shift: usize| {
             let explained: f64 = shared.col(shift).iter().map(|value| value * value).sum();

@@ -25,7 +25,8 @@ pub struct CutoffInfluence {
     pub model: TorqueModel,
 }
 
-/// Repeats the identification with cut-offs around the one that was used: results must not hinge on it.
+/// Repeats the identification with cut-offs around the one that was used: results must not hinge on
+/// it.
 ///
 /// # Errors
 /// As [`identify`](super::identify).
@@ -40,7 +41,9 @@ pub fn cutoff_influence(
     let recordings = select_joints(robot, set.as_ref().map_or(recordings, LogSet::logs))?;
     // Nothing else looks at their motion in these bands.
     let apart: Vec<Recording> = recordings.iter().map(Recording::apart).collect();
-    let (Some(processing), Some(reference)) = (&model.processing, &model.fit) else { return Ok(vec![]) };
+    let (Some(processing), Some(reference)) = (&model.processing, &model.fit) else {
+        return Ok(vec![]);
+    };
     // The pull that the data chose stays what it was.
     let mut options = options.clone();
     options.cross_validated_prior = false;
@@ -55,7 +58,9 @@ pub fn cutoff_influence(
     let at = |factor: &f64| -> Result<Option<CutoffInfluence>, IdentifyError> {
         let mut conditioning = options.conditioning.clone();
         conditioning.cutoff_hz = Some(factor * processing.cutoff_hz);
-        let Ok((processing, _)) = Processing::choose(&recordings, &conditioning) else { return Ok(None) };
+        let Ok((processing, _)) = Processing::choose(&recordings, &conditioning) else {
+            return Ok(None);
+        };
         let other = match fit(robot, &apart, options, &processing, Given::default(), &()) {
             Ok((model, ..)) => model,
             // Twice the cut-off can lie beyond what the sampling rate holds.
@@ -71,7 +76,9 @@ pub fn cutoff_influence(
         Ok(Some(CutoffInfluence {
             cutoff_hz: processing.cutoff_hz,
             largest_change: changes.iter().fold(0.0, |largest, change| largest.max(*change)),
-            typical_change: (changes.iter().map(|c| c * c).sum::<f64>() / changes.len().max(1) as f64).sqrt(),
+            typical_change: (changes.iter().map(|c| c * c).sum::<f64>()
+                / changes.len().max(1) as f64)
+                .sqrt(),
             model: other,
         }))
     };

@@ -1,18 +1,22 @@
-//! From logs to a model, stage by stage: set up, observe, estimate, leave out or hold, and write down.
+//! From logs to a model, stage by stage: set up, observe, estimate, leave out or hold, and write
+//! down.
 
 use std::sync::Arc;
 
 use faer::Mat;
 
-use super::notes::{cost_note, cross_validation_note, dearest_joint, describe, dispersed, essential_note};
+use super::notes::{
+    cost_note, cross_validation_note, dearest_joint, describe, dispersed, essential_note,
+};
 use super::references::{instruments, loops};
 use super::source::{Logs, PARTS, Source, SourceFactors};
 use super::{FitOutcome, Given, IdentifyError, IdentifyOptions, Start, Uncertainty};
 use crate::identification::{
-    BaseParameters, Consistency, ConsistentParameters, Costs, Dispersion, Equations, Essential, Estimate,
-    EstimatorNeeds, Finding, Forecast, Held, IdentificationError, JointFactor, KeptOut, LeastSquares, LeftOut,
-    ParameterPrior, ParameterSet, PriorWidth, block_bootstrap, essential_parameters, estimate, hac_covariance,
-    nearest_load, screen_factors, screen_logs, screen_scale, stack, stacked, torque_sizes, weakest_good_deviation,
+    BaseParameters, Consistency, ConsistentParameters, Costs, Dispersion, Equations, Essential,
+    Estimate, EstimatorNeeds, Finding, Forecast, Held, IdentificationError, JointFactor, KeptOut,
+    LeastSquares, LeftOut, ParameterPrior, ParameterSet, PriorWidth, block_bootstrap,
+    essential_parameters, estimate, hac_covariance, nearest_load, screen_factors, screen_logs,
+    screen_scale, stack, stacked, torque_sizes, weakest_good_deviation,
 };
 use crate::linalg::symmetric_eigen;
 use crate::model::experiment::Experiment;
@@ -87,8 +91,10 @@ pub(super) fn fit(
     };
     let mut equations = Equations::new(robot, &set, &base, trajectories.clone());
     let outcome = setup.fit(&mut model, &mut equations, progress)?;
-    model.provenance.logs = recordings.iter().map(|recording| recording.source().to_string()).collect();
-    let span = |recording: &Recording| Some([*recording.time().first()?, *recording.time().last()?]);
+    model.provenance.logs =
+        recordings.iter().map(|recording| recording.source().to_string()).collect();
+    let span =
+        |recording: &Recording| Some([*recording.time().first()?, *recording.time().last()?]);
     model.provenance.spans = recordings.iter().filter_map(span).collect();
     Ok((model, outcome, experiment.motions))
 }
@@ -104,7 +110,9 @@ pub(in crate::model) fn require_one_arm(options: &IdentifyOptions) -> Result<(),
 }
 
 fn require_simulated(options: &IdentifyOptions, others: &[Placed]) -> Result<(), IdentifyError> {
-    if !others.is_empty() && (options.controller.is_some() || options.method.needs() == EstimatorNeeds::Controller) {
+    if !others.is_empty()
+        && (options.controller.is_some() || options.method.needs() == EstimatorNeeds::Controller)
+    {
         let effects = others.iter().map(|(effect, _)| effect.name().into()).collect();
         return Err(IdentifyError::NotSimulated { effects });
     }
@@ -119,7 +127,8 @@ pub(in crate::model) struct Setup<'a> {
     pub source: &'a dyn Source,
     pub set: &'a ParameterSet,
     pub base: &'a BaseParameters,
-    /// Values of all parameters that those keep which the motion does not determine, and the base parameters of them.
+    /// Values of all parameters that those keep which the motion does not determine, and the base
+    /// parameters of them.
     pub start: &'a [f64],
     pub nominal: Vec<f64>,
 }
@@ -147,7 +156,8 @@ struct Estimated {
 impl Setup<'_> {
     /// Sets parameters and fit of `model`.
     ///
-    /// - `equations`: single rows, for methods that look at them; without trajectories where the source knows none
+    /// - `equations`: single rows, for methods that look at them; without trajectories where the
+    ///   source knows none
     pub fn fit(
         &self,
         model: &mut TorqueModel,
@@ -185,7 +195,8 @@ impl Setup<'_> {
             let prior = ParameterPrior::new(self.robot, self.set, self.base, self.start, &factors);
             (if options.start == Start::Zero { prior.of_an_error() } else { prior }, width)
         });
-        // The residual of a first solution tells how much the noise remembers: the estimates stay, their spread grows.
+        // The residual of a first solution tells how much the noise remembers: the estimates stay,
+        // their spread grows.
         let first = LeastSquares::new(options.method.clone());
         let first = match &prior {
             Some((prior, _)) if first.has_few_rows(&factors, self.base.rank()) => {
@@ -211,16 +222,23 @@ impl Setup<'_> {
         let (robot, set, base) = (self.robot, self.set, self.base);
         if let Some((prior, _)) = prior.as_ref().filter(|_| options.method.reweights()) {
             let task = held::Task { robot, set, base, factors, parts, extents };
-            // Noise is a matter of the logs, however wide a prior is wished for: under a wide one parts that are left out are
-            // missed by what the others do not know.
-            let first = task.solve(&options.method, equations, (prior, PriorWidth::Chosen), correlation)?;
+            // Noise is a matter of the logs, however wide a prior is wished for: under a wide one
+            // parts that are left out are missed by what the others do not know.
+            let first =
+                task.solve(&options.method, equations, (prior, PriorWidth::Chosen), correlation)?;
             let noise = task.noise(&first);
             factors.iter_mut().zip(noise).for_each(|(factor, noise)| factor.least_noise = noise);
         }
         let task = held::Task { robot, set, base, factors, parts, extents };
         let held::HeldEstimate { mut estimate, held, dispersion, mut notes } = match prior {
             None => held::HeldEstimate {
-                estimate: estimate(&options.method, equations, factors, &self.nominal, Some(correlation))?,
+                estimate: estimate(
+                    &options.method,
+                    equations,
+                    factors,
+                    &self.nominal,
+                    Some(correlation),
+                )?,
                 held: None,
                 dispersion: Dispersion::NONE,
                 notes: vec![],
@@ -237,14 +255,19 @@ impl Setup<'_> {
             && let Some(states) = self.source.states()?
         {
             let noise = per_joint(factors, &estimate.noise, self.robot.dof());
-            forecast = Some(task.forecast(&estimate, held.as_ref(), dispersion.deviation, noise, states));
+            forecast =
+                Some(task.forecast(&estimate, held.as_ref(), dispersion.deviation, noise, states));
         }
         notes.append(&mut estimate.notes);
         Ok(Estimated { estimate, held, dispersion, forecast, notes })
     }
 
     /// What speaks against the logs.
-    fn screen(&self, Observed { factors, logs, .. }: &Observed, estimate: &Estimate) -> Vec<Finding> {
+    fn screen(
+        &self,
+        Observed { factors, logs, .. }: &Observed,
+        estimate: &Estimate,
+    ) -> Vec<Finding> {
         let joints: Vec<String> = self.robot.joint_names().map(String::from).collect();
         let mut findings = screen_factors(self.set, self.base, &joints, factors, estimate);
         if self.options.start == Start::RobotFile {
@@ -255,13 +278,18 @@ impl Setup<'_> {
     }
 
     /// Leaves out what the data do not support, if that was asked for.
-    fn leave_out(&self, data: &Observed, found: &mut Estimated) -> Result<Option<Essential>, IdentifyError> {
+    fn leave_out(
+        &self,
+        data: &Observed,
+        found: &mut Estimated,
+    ) -> Result<Option<Essential>, IdentifyError> {
         if !self.options.essential {
             return Ok(None);
         }
         let estimate = &mut found.estimate;
         let folds = self.source.folds()?;
-        let essential = essential_parameters(&folds, self.base.rank(), noise_of(&data.factors, estimate))?;
+        let essential =
+            essential_parameters(&folds, self.base.rank(), noise_of(&data.factors, estimate))?;
         found.notes.push(essential_note(&essential, self.base));
         estimate.values.clone_from(&essential.values);
         estimate.covariance.clone_from(&essential.covariance);
@@ -271,8 +299,8 @@ impl Setup<'_> {
         Ok(Some(essential))
     }
 
-    /// Moves the loads that the terms take up or put down to the bodies nearest to them, and all other parameters with
-    /// them: to what is likeliest, given these bodies.
+    /// Moves the loads that the terms take up or put down to the bodies nearest to them, and all
+    /// other parameters with them: to what is likeliest, given these bodies.
     fn keep_loads_bodies(&self, terms: &[Term], estimate: &mut Estimate) {
         let mut first = self.set.len() - self.set.trajectory_columns().len();
         for term in terms {
@@ -281,24 +309,30 @@ impl Setup<'_> {
             if !term.effect.is_body() {
                 continue;
             }
-            let index = |parameter| self.base.independent().iter().position(|kept| *kept == parameter);
+            let index =
+                |parameter| self.base.independent().iter().position(|kept| *kept == parameter);
             let Some(own) = own.map(index).collect::<Option<Vec<usize>>>() else { continue };
             let values: Vec<f64> = own.iter().map(|k| estimate.values[*k]).collect();
             let Some(&values) = values.first_chunk() else { continue };
-            let spread = Mat::from_fn(own.len(), own.len(), |i, j| estimate.covariance[(own[i], own[j])]);
+            let spread =
+                Mat::from_fn(own.len(), own.len(), |i, j| estimate.covariance[(own[i], own[j])]);
             let body = match nearest_load(&values, &spread, self.robot.length()) {
                 Ok(body) => body,
                 Err(error) => {
-                    estimate.notes.push(format!("the load of `{}` is no body: {error}", term.effect.name()));
+                    estimate
+                        .notes
+                        .push(format!("the load of `{}` is no body: {error}", term.effect.name()));
                     continue;
                 }
             };
-            let steps: Vec<f64> = body.parameters.iter().zip(values).map(|(body, value)| body - value).collect();
+            let steps: Vec<f64> =
+                body.parameters.iter().zip(values).map(|(body, value)| body - value).collect();
             follow(estimate, &own, &steps);
         }
     }
 
-    /// Sets all parameters of `model`: to those that keep physics and limits, if that was asked for.
+    /// Sets all parameters of `model`: to those that keep physics and limits, if that was asked
+    /// for.
     fn hold(
         &self,
         model: &mut TorqueModel,
@@ -313,16 +347,20 @@ impl Setup<'_> {
         let torque = torque_sizes(&data.factors, self.robot.dof());
         if self.options.cross_validated_prior {
             let folds = self.source.folds()?;
-            let parts = LeftOut::new(&folds, noise_of(&data.factors, &found.estimate), self.base.rank());
-            let scores = consistency.cross_validate(self.robot, self.set, self.base, &parts, self.start, &torque)?;
+            let parts =
+                LeftOut::new(&folds, noise_of(&data.factors, &found.estimate), self.base.rank());
+            let scores = consistency
+                .cross_validate(self.robot, self.set, self.base, &parts, self.start, &torque)?;
             // None is best where the logs leave no error to count in.
             if let Some(deviation) = weakest_good_deviation(&scores) {
                 consistency.prior.relative_deviation = deviation;
                 found.notes.push(cross_validation_note(deviation, &scores));
             }
         }
-        let (consistent, whitened) = self.solve_consistent(&consistency, &torque, model, data, found)?;
-        let (costs, kept_out) = self.price(&consistency, &torque, (&consistent, &whitened), data, found)?;
+        let (consistent, whitened) =
+            self.solve_consistent(&consistency, &torque, model, data, found)?;
+        let (costs, kept_out) =
+            self.price(&consistency, &torque, (&consistent, &whitened), data, found)?;
         model.set_all_parameters(&consistent.parameters);
         found.estimate.values.clone_from(&consistent.base);
         found.notes.extend(consistent.notes.iter().cloned());
@@ -340,8 +378,9 @@ impl Setup<'_> {
         data: &mut Observed,
         Estimated { estimate, held, .. }: &Estimated,
     ) -> Result<(ConsistentParameters, Mat<f64>), IdentifyError> {
-        let solve =
-            |whitened: &Mat<f64>| consistency.solve(self.robot, self.set, self.base, whitened, self.start, torque);
+        let solve = |whitened: &Mat<f64>| {
+            consistency.solve(self.robot, self.set, self.base, whitened, self.start, torque)
+        };
         // What the prior holds it holds here, too, beside rows that count as they did there.
         let mut whitened = match held {
             Some(held) => held.prior.beside(&held.data),
@@ -358,7 +397,9 @@ impl Setup<'_> {
             }
             whitened = match held {
                 None => estimate.whitened_at(&data.factors, &found.base, &data.correlation),
-                Some(held) if changed => held.prior.beside(&stack(&data.factors, found.base.len(), &held.levels)),
+                Some(held) if changed => {
+                    held.prior.beside(&stack(&data.factors, found.base.len(), &held.levels))
+                }
                 Some(_) => break,
             };
             found = solve(&whitened)?;
@@ -378,7 +419,8 @@ impl Setup<'_> {
         let (robot, set, base) = (self.robot, self.set, self.base);
         let costs = consistency.costs(robot, set, base, whitened, self.start, torque)?;
         let mut kept_out = None;
-        // Least squares leaves one unit of variance per parameter to chance; a limit can take at most as much of it.
+        // Least squares leaves one unit of variance per parameter to chance; a limit can take at
+        // most as much of it.
         if consistent.cost.powi(2) > CHANCE {
             let folds = self.source.folds()?;
             let parts = LeftOut::new(&folds, noise_of(&data.factors, estimate), base.rank());
@@ -405,7 +447,8 @@ impl Setup<'_> {
         let names = model.base.names();
         let undecided = held.as_ref().map_or(vec![], |held| held.prior.undecided(&held.data));
         let prior = held.as_ref().map(|held| &held.prior);
-        let history = describe(options, self.processing, factors, prior) + &dispersed(dispersion.deviation);
+        let history =
+            describe(options, self.processing, factors, prior) + &dispersed(dispersion.deviation);
         model.provenance.history = vec![history];
         model.fit = Some(Fit {
             method: options.method.name().into(),
@@ -435,15 +478,24 @@ impl Setup<'_> {
 
 /// Moves some parameters by `steps`, and all others to where they are likeliest then.
 fn follow(estimate: &mut Estimate, moved: &[usize], steps: &[f64]) {
-    let known: Vec<usize> = (0..estimate.values.len()).filter(|&k| estimate.covariance[(k, k)].is_finite()).collect();
-    let is_known: Vec<(usize, f64)> =
-        moved.iter().copied().zip(steps.iter().copied()).filter(|(k, _)| known.contains(k)).collect();
-    let deviations: Vec<f64> = is_known.iter().map(|(k, _)| estimate.covariance[(*k, *k)].sqrt()).collect();
+    let known: Vec<usize> =
+        (0..estimate.values.len()).filter(|&k| estimate.covariance[(k, k)].is_finite()).collect();
+    let is_known: Vec<(usize, f64)> = moved
+        .iter()
+        .copied()
+        .zip(steps.iter().copied())
+        .filter(|(k, _)| known.contains(k))
+        .collect();
+    let deviations: Vec<f64> =
+        is_known.iter().map(|(k, _)| estimate.covariance[(*k, *k)].sqrt()).collect();
     let scaled = Mat::from_fn(is_known.len(), is_known.len(), |i, j| {
-        estimate.covariance[(is_known[i].0, is_known[j].0)] / (deviations[i] * deviations[j]).max(f64::MIN_POSITIVE)
+        estimate.covariance[(is_known[i].0, is_known[j].0)]
+            / (deviations[i] * deviations[j]).max(f64::MIN_POSITIVE)
     });
     let (values, vectors) = symmetric_eigen(scaled.as_ref());
-    let step = Mat::from_fn(is_known.len(), 1, |i, _| is_known[i].1 / deviations[i].max(f64::MIN_POSITIVE));
+    let step = Mat::from_fn(is_known.len(), 1, |i, _| {
+        is_known[i].1 / deviations[i].max(f64::MIN_POSITIVE)
+    });
     let mut along = vectors.transpose() * step;
     let largest = values.iter().copied().fold(0.0, f64::max);
     for (k, value) in values.iter().enumerate() {
@@ -500,9 +552,13 @@ fn set_uncertainty(
 }
 
 /// Noise level of the rows that a part of the data has in common with one of `factors`.
-fn noise_of<'a>(factors: &'a [JointFactor], estimate: &'a Estimate) -> impl Fn(&JointFactor) -> f64 + 'a {
+fn noise_of<'a>(
+    factors: &'a [JointFactor],
+    estimate: &'a Estimate,
+) -> impl Fn(&JointFactor) -> f64 + 'a {
     |part| {
-        let same = |factor: &&JointFactor| factor.joint == part.joint && factor.resting == part.resting;
+        let same =
+            |factor: &&JointFactor| factor.joint == part.joint && factor.resting == part.resting;
         let index = factors.iter().position(|factor| same(&factor));
         index.map_or(f64::INFINITY, |index| estimate.weights[index] * estimate.unit)
     }
@@ -512,9 +568,12 @@ fn row_major(matrix: &Mat<f64>) -> Vec<f64> {
     matrix.row_iter().flat_map(|row| row.iter().copied().collect::<Vec<_>>()).collect()
 }
 
-/// The figure of each joint in motion; of the joint at rest if it never moves, zero if it has no row.
+/// The figure of each joint in motion; of the joint at rest if it never moves, zero if it has no
+/// row.
 fn per_joint(factors: &[JointFactor], figures: &[f64], joints: usize) -> Vec<f64> {
-    let of = |joint: usize| factors.iter().position(|factor| factor.joint == joint).map_or(0.0, |index| figures[index]);
+    let of = |joint: usize| {
+        factors.iter().position(|factor| factor.joint == joint).map_or(0.0, |index| figures[index])
+    };
     (0..joints).map(of).collect()
 }
 

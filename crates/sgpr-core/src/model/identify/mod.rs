@@ -21,7 +21,9 @@ use super::experiment::{require_torque, select_joints};
 use super::limits::beyond_limits;
 use super::{IdentifyError, Term, TorqueModel};
 use crate::effects::Role;
-use crate::identification::{Consistency, Essential, Estimate, Finding, Forecast, Method, PriorWidth};
+use crate::identification::{
+    Consistency, Essential, Estimate, Finding, Forecast, Method, PriorWidth,
+};
 use crate::motion::{Conditioning, Processing};
 use crate::progress::Progress;
 use crate::recording::{LogSet, Recording};
@@ -33,21 +35,23 @@ use crate::signal::CutoffChoice;
 #[setters(prefix = "with_")]
 #[non_exhaustive]
 pub struct IdentifyOptions {
-    /// Names of effects beside the rigid body, any that change the torque, at all joints or at one: `cable_stiffness`,
-    /// `cable_hysteresis@joint_4`. Their constants are fitted by variable projection.
+    /// Names of effects beside the rigid body, any that change the torque, at all joints or at one:
+    /// `cable_stiffness`, `cable_hysteresis@joint_4`. Their constants are fitted by variable
+    /// projection.
     pub effects: Vec<String>,
     /// The estimator.
     pub method: Method,
     /// Physics and limits that the full set of parameters keeps; none if `None`.
     pub consistency: Option<Consistency>,
-    /// Whether the data choose how strong the pull toward the robot file is ([`Consistency::cross_validate`]).
+    /// Whether the data choose how strong the pull toward the robot file is
+    /// ([`Consistency::cross_validate`]).
     pub cross_validated_prior: bool,
     /// Whether parameters that the data do not support are left out.
     pub essential: bool,
     /// Where standard deviations come from.
     pub uncertainty: Uncertainty,
-    /// The same motions without noise, simulated or the references, for instrumental variables; the references of the
-    /// controller, if there is one.
+    /// The same motions without noise, simulated or the references, for instrumental variables; the
+    /// references of the controller, if there is one.
     pub instruments: Vec<Recording>,
     /// The controller, for output error and for simulated instruments.
     pub controller: Option<Controller>,
@@ -55,9 +59,10 @@ pub struct IdentifyOptions {
     pub conditioning: Conditioning,
     /// Values that parameters keep where the motion does not determine them.
     pub start: Start,
-    /// What holds parameters that the logs determine worse than the robot file does ([`ParameterPrior`](crate::identification::ParameterPrior)): the width of the
-    /// prior; the bare estimate if `None`. With it a joint that the robot file predicts better on parts of the logs that
-    /// were left out keeps the file.
+    /// What holds parameters that the logs determine worse than the robot file does
+    /// ([`ParameterPrior`](crate::identification::ParameterPrior)): the width of the prior; the
+    /// bare estimate if `None`. With it a joint that the robot file predicts better on parts of the
+    /// logs that were left out keeps the file.
     pub prior: Option<PriorWidth>,
     /// Whether the report says how much data is enough ([`Forecast`]).
     pub forecast: bool,
@@ -88,16 +93,19 @@ impl Default for IdentifyOptions {
 pub enum Uncertainty {
     /// The scatter and the memory of each joint's residual, joints taken as independent.
     Memory,
-    /// The residuals as they are, over time and between joints ([`hac_covariance`](crate::identification::hac_covariance)).
+    /// The residuals as they are, over time and between joints
+    /// ([`hac_covariance`](crate::identification::hac_covariance)).
     Hac,
-    /// Experiments made of blocks of this one ([`block_bootstrap`](crate::identification::block_bootstrap)).
+    /// Experiments made of blocks of this one
+    /// ([`block_bootstrap`](crate::identification::block_bootstrap)).
     Bootstrap {
         /// How many.
         replicates: usize,
     },
 }
 
-/// tau = torque of the reference's recording + kp (reference - q) + kd (its speed - dq), at the joints.
+/// tau = torque of the reference's recording + kp (reference - q) + kd (its speed - dq), at the
+/// joints.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Controller {
     /// `[n]`, N·m/rad (N/m).
@@ -111,8 +119,9 @@ pub struct Controller {
 pub enum Start {
     /// The robot file: the torque of the log is the whole torque.
     RobotFile,
-    /// Zero: the torque of the log is what an internal model leaves over, its feedback torque, and the result is the
-    /// error of the internal model (thesis eqs. 4-18 to 4-20), to be added with [`TorqueModel::plus`].
+    /// Zero: the torque of the log is what an internal model leaves over, its feedback torque, and
+    /// the result is the error of the internal model (thesis eqs. 4-18 to 4-20), to be added with
+    /// [`TorqueModel::plus`].
     Zero,
 }
 
@@ -138,13 +147,13 @@ pub struct IdentificationReport {
 
 /// Identifies the torque model of `robot` from recordings.
 ///
-/// The joints of each recording are picked by the names of the robot's joints. Samples that two recordings share count once
-/// ([`LogSet`]), and a warning says so. `progress` hears of every log; `&()` for
-/// silence.
+/// The joints of each recording are picked by the names of the robot's joints. Samples that two
+/// recordings share count once ([`LogSet`]), and a warning says so. `progress` hears of every log;
+/// `&()` for silence.
 ///
 /// # Errors
-/// If a recording lacks a joint or torque, cannot be differentiated, or holds too little; each message names the
-/// recording and says what to do.
+/// If a recording lacks a joint or torque, cannot be differentiated, or holds too little; each
+/// message names the recording and says what to do.
 pub fn identify(
     robot: &Robot,
     recordings: &[Recording],
@@ -152,11 +161,13 @@ pub fn identify(
     progress: &dyn Progress,
 ) -> Result<(TorqueModel, IdentificationReport), IdentifyError> {
     let set = set_of(recordings, options);
-    let (recordings, said) = set.as_ref().map_or((recordings, &[][..]), |set| (set.logs(), set.notes()));
+    let (recordings, said) =
+        set.as_ref().map_or((recordings, &[][..]), |set| (set.logs(), set.notes()));
     let recordings = select_joints(robot, recordings)?;
     require_torque(robot, &recordings)?;
     let (processing, cutoff_choices) = Processing::choose(&recordings, &options.conditioning)?;
-    let (model, mut outcome, motions) = fit::fit(robot, &recordings, options, &processing, Given::default(), progress)?;
+    let (model, mut outcome, motions) =
+        fit::fit(robot, &recordings, options, &processing, Given::default(), progress)?;
     // What a controller adds to an internal model ends where the controller does.
     if options.start == Start::RobotFile {
         outcome.findings.extend(torque_end(&model, &motions, &processing)?);
@@ -172,8 +183,9 @@ fn set_of(recordings: &[Recording], options: &IdentifyOptions) -> Option<LogSet>
     options.instruments.is_empty().then(|| LogSet::new(recordings))
 }
 
-/// `model` with these terms, everything fitted again under physical consistency. What the robot file holds in `model` it
-/// holds again, as wide as was asked for: logs determine no more of a model with more parameters.
+/// `model` with these terms, everything fitted again under physical consistency. What the robot
+/// file holds in `model` it holds again, as wide as was asked for: logs determine no more of a
+/// model with more parameters.
 ///
 /// # Errors
 /// As [`identify`].
@@ -192,7 +204,9 @@ pub(crate) fn identify_again(
     let held = fit.is_some_and(|fit| fit.prior_standard_deviation.is_some());
     let asked = fit.map_or(Some(PriorWidth::Chosen), |fit| fit.prior);
     let options = IdentifyOptions {
-        prior: asked.map(|width| if held && width == PriorWidth::Chosen { PriorWidth::InForce } else { width }),
+        prior: asked.map(|width| {
+            if held && width == PriorWidth::Chosen { PriorWidth::InForce } else { width }
+        }),
         effects: model.set.effects().iter().map(|effect| effect.name().into()).collect(),
         consistency: consistency.cloned(),
         ..IdentifyOptions::default()
@@ -200,7 +214,8 @@ pub(crate) fn identify_again(
     let (mut again, ..) = fit::fit(&model.robot, &recordings, &options, &processing, given, &())?;
     let before = model.provenance.history.clone();
     let other = again.provenance.history.into_iter().filter(|line| !before.contains(line));
-    let own: Vec<String> = other.map(|line| format!("with the effects that follow, {line}")).collect();
+    let own: Vec<String> =
+        other.map(|line| format!("with the effects that follow, {line}")).collect();
     again.provenance.history = [before, own].concat();
     Ok(again)
 }
@@ -226,13 +241,25 @@ impl FitOutcome {
     /// The report of it.
     ///
     /// - `said`: to be said beside what the robot and the fit say
-    pub fn report(self, model: &TorqueModel, said: Vec<String>, samples: usize) -> IdentificationReport {
+    pub fn report(
+        self,
+        model: &TorqueModel,
+        said: Vec<String>,
+        samples: usize,
+    ) -> IdentificationReport {
         let Self { estimate, essential, forecast, notes, findings } = self;
         let found = findings.iter().map(ToString::to_string);
         let mut report = IdentificationReport {
             cutoff_choices: vec![],
             singular_values: estimate.excitation.singular_values,
-            warnings: model.robot.warnings().into_iter().chain(said).chain(notes).chain(found).collect(),
+            warnings: model
+                .robot
+                .warnings()
+                .into_iter()
+                .chain(said)
+                .chain(notes)
+                .chain(found)
+                .collect(),
             findings,
             samples,
             essential,
@@ -248,8 +275,9 @@ fn warn(report: &mut IdentificationReport, model: &TorqueModel) {
     let bare = fit.standard_deviations.iter().any(|deviation| deviation.is_infinite());
     if bare && !fit.undetermined.is_empty() {
         report.warnings.push(format!(
-            "the motion does not excite {} of {} base parameters: {}; they keep their values of the robot file. Record a \
-             motion that moves these joints, fast and slow, in both directions",
+            "the motion does not excite {} of {} base parameters: {}; they keep their values of \
+             the robot file. Record a motion that moves these joints, fast and slow, in both \
+             directions",
             fit.undetermined.len(),
             model.base.rank(),
             fit.undetermined.join(", ")
@@ -260,11 +288,15 @@ fn warn(report: &mut IdentificationReport, model: &TorqueModel) {
         .names()
         .iter()
         .enumerate()
-        .filter(|(k, _)| fit.standard_deviations[*k].is_finite() && fit.standard_deviations[*k] > fit.values[*k].abs())
+        .filter(|(k, _)| {
+            fit.standard_deviations[*k].is_finite()
+                && fit.standard_deviations[*k] > fit.values[*k].abs()
+        })
         .map(|(_, name)| name.as_str())
         .collect();
     if !uncertain.is_empty() {
-        let parameters = if uncertain.len() == 1 { "base parameter is" } else { "base parameters are" };
+        let parameters =
+            if uncertain.len() == 1 { "base parameter is" } else { "base parameters are" };
         report.warnings.push(format!(
             "{} {parameters} smaller than their standard deviation: {}",
             uncertain.len(),

@@ -35,10 +35,12 @@ pub(super) fn instruments(
     Ok(instruments)
 }
 
-/// Motion of a reference as a controller has it: without the log's filter, and slow where it is slow, since it has no noise.
+/// Motion of a reference as a controller has it: without the log's filter, and slow where it is
+/// slow, since it has no noise.
 fn reference_processing(processing: &Processing, reference: &Recording) -> Processing {
-    let cutoff_hz =
-        reference.sample_rate_hz().map_or(processing.cutoff_hz, |rate| processing.cutoff_hz.max(REFERENCE_BAND * rate));
+    let cutoff_hz = reference
+        .sample_rate_hz()
+        .map_or(processing.cutoff_hz, |rate| processing.cutoff_hz.max(REFERENCE_BAND * rate));
     let standstill_speed = vec![0.0; processing.standstill_speed.len()];
     Processing { cutoff_hz, standstill_speed, turn_margin: 0.0, ..processing.clone() }
 }
@@ -46,7 +48,8 @@ fn reference_processing(processing: &Processing, reference: &Recording) -> Proce
 /// Band of a reference as a share of its sampling rate; half of it would be all.
 const REFERENCE_BAND: f64 = 0.4;
 
-/// Longest integration step of a simulated motion, s: dry friction that changes sign within it is followed exactly enough.
+/// Longest integration step of a simulated motion, s: dry friction that changes sign within it is
+/// followed exactly enough.
 const LONGEST_STEP: f64 = 2.5e-4;
 
 pub(super) fn loops<'a>(

@@ -1,13 +1,16 @@
-//! Where equations come from: logs, whose rows can be gone through again, or records, which hold sums of their products.
+//! Where equations come from: logs, whose rows can be gone through again, or records, which hold
+//! sums of their products.
 //!
-//! Estimators see logs as triangular factors alone, and everything is decided by parts of the data that are whole blocks of
-//! logs: so it makes no difference to a model which of both there were.
+//! Estimators see logs as triangular factors alone, and everything is decided by parts of the data
+//! that are whole blocks of logs: so it makes no difference to a model which of both there were.
 
 use std::ops::Range;
 
 use faer::Mat;
 
-use crate::identification::{BaseParameters, JointFactor, Observation, ParameterSet, Trajectory, piece_of, stacked};
+use crate::identification::{
+    BaseParameters, JointFactor, Observation, ParameterSet, Trajectory, piece_of, stacked,
+};
 use crate::model::correlation::correlation;
 use crate::model::experiment::Experiment;
 use crate::model::extent::JointExtent;
@@ -18,7 +21,8 @@ use crate::motion::{Motion, Processing};
 use crate::progress::Progress;
 use crate::robot::Robot;
 
-/// Parts of the data, each of which is predicted from the others, and blocks into which each log is cut for them.
+/// Parts of the data, each of which is predicted from the others, and blocks into which each log is
+/// cut for them.
 pub(in crate::model) const PARTS: usize = 5;
 
 /// Factors of logs that were gone through once.
@@ -32,13 +36,21 @@ pub(in crate::model) struct SourceFactors {
 /// Sums of products of equations, and what else identification asks of them.
 pub(in crate::model) trait Source {
     /// Factors of consecutive parts of all logs, and of each log.
-    fn factors(&self, parts: usize, progress: &dyn Progress) -> Result<SourceFactors, IdentifyError>;
+    fn factors(
+        &self,
+        parts: usize,
+        progress: &dyn Progress,
+    ) -> Result<SourceFactors, IdentifyError>;
 
     /// Factors of parts of each log: the first of all logs, then the second of all.
     fn folds(&self) -> Result<Vec<Vec<JointFactor>>, IdentifyError>;
 
     /// Per factor: rows that carry as much as one independent row of what a model leaves.
-    fn correlation(&self, model: &TorqueModel, factors: &[JointFactor]) -> Result<Vec<f64>, IdentifyError>;
+    fn correlation(
+        &self,
+        model: &TorqueModel,
+        factors: &[JointFactor],
+    ) -> Result<Vec<f64>, IdentifyError>;
 
     /// What joints did.
     fn extents(&self) -> Vec<JointExtent>;
@@ -49,12 +61,16 @@ pub(in crate::model) trait Source {
     }
 
     /// Covariance of base parameters and constants of terms; of base parameters: `linear`.
-    fn joint_covariance(&self, _model: &mut TorqueModel, linear: &Mat<f64>) -> Result<Mat<f64>, IdentifyError> {
+    fn joint_covariance(
+        &self,
+        _model: &mut TorqueModel,
+        linear: &Mat<f64>,
+    ) -> Result<Mat<f64>, IdentifyError> {
         Ok(linear.clone())
     }
 
-    /// Seconds of the logs, and equations of states in which each joint moves as at some time of the logs; none where single
-    /// samples are not known.
+    /// Seconds of the logs, and equations of states in which each joint moves as at some time of
+    /// the logs; none where single samples are not known.
     fn states(&self) -> Result<Option<(f64, Vec<JointFactor>)>, IdentifyError> {
         Ok(None)
     }
@@ -87,7 +103,8 @@ pub(in crate::model) fn key_of(motion: &Motion) -> [f64; 2] {
 pub(in crate::model) fn order_of_logs(logs: &[Place<'_>]) -> Vec<usize> {
     let mut keys: Vec<[f64; 2]> = Vec::with_capacity(logs.len());
     for (index, log) in logs.iter().enumerate() {
-        let goes_on = |before: &Place<'_>| before.source == log.source && before.time[1] < log.time[0];
+        let goes_on =
+            |before: &Place<'_>| before.source == log.source && before.time[1] < log.time[0];
         keys.push(match index.checked_sub(1) {
             Some(before) if goes_on(&logs[before]) => keys[before],
             _ => log.key,
@@ -99,7 +116,8 @@ pub(in crate::model) fn order_of_logs(logs: &[Place<'_>]) -> Vec<usize> {
     order
 }
 
-/// Per log and block of it: which of consecutive parts of all logs it belongs to, by the place of its middle.
+/// Per log and block of it: which of consecutive parts of all logs it belongs to, by the place of
+/// its middle.
 pub(in crate::model) fn parts_of_blocks(logs: &[Place<'_>], parts: usize) -> Vec<Vec<usize>> {
     let all: usize = logs.iter().map(|log| log.samples).sum();
     let mut of_blocks = vec![vec![]; logs.len()];
@@ -107,7 +125,8 @@ pub(in crate::model) fn parts_of_blocks(logs: &[Place<'_>], parts: usize) -> Vec
     for index in order_of_logs(logs) {
         let Place { samples, blocks, .. } = logs[index];
         let twice_middle = |block: usize| 2 * before * blocks + (2 * block + 1) * samples;
-        let part = |block: usize| (twice_middle(block) * parts / (2 * blocks * all.max(1))).min(parts - 1);
+        let part =
+            |block: usize| (twice_middle(block) * parts / (2 * blocks * all.max(1))).min(parts - 1);
         of_blocks[index] = (0..blocks).map(part).collect();
         before += samples;
     }
@@ -130,7 +149,8 @@ impl Logs<'_> {
         let Experiment { motions, logs, .. } = self.experiment;
         let place = |stretches: &Range<usize>| {
             let (first, last) = (&motions[stretches.start], &motions[stretches.end - 1]);
-            let time = [first.time.first(), last.time.last()].map(|stamp| stamp.copied().unwrap_or(0));
+            let time =
+                [first.time.first(), last.time.last()].map(|stamp| stamp.copied().unwrap_or(0));
             let samples = motions[stretches.clone()].iter().map(|motion| motion.len()).sum();
             Place { source: &first.source, time, key: key_of(first), samples, blocks: PARTS }
         };
@@ -139,7 +159,11 @@ impl Logs<'_> {
 }
 
 impl Source for Logs<'_> {
-    fn factors(&self, parts: usize, progress: &dyn Progress) -> Result<SourceFactors, IdentifyError> {
+    fn factors(
+        &self,
+        parts: usize,
+        progress: &dyn Progress,
+    ) -> Result<SourceFactors, IdentifyError> {
         let places = self.places();
         let of_blocks = parts_of_blocks(&places, parts);
         let mut of_parts: Vec<Vec<JointFactor>> = vec![vec![]; parts];
@@ -148,10 +172,13 @@ impl Source for Logs<'_> {
             progress.step("observe", done, places.len())?;
             let own = &of_blocks[index];
             let touched = own[0]..own[own.len() - 1] + 1;
-            let mut observation = Observation::in_parts(self.robot, self.set, self.base, touched.len());
+            let mut observation =
+                Observation::in_parts(self.robot, self.set, self.base, touched.len());
             for trajectory in &self.trajectories[self.experiment.logs[index].clone()] {
                 let count = trajectory.samples.count(self.robot.dof());
-                observation.add_to(trajectory, |sample| own[piece_of(sample, count, own.len())] - touched.start)?;
+                observation.add_to(trajectory, |sample| {
+                    own[piece_of(sample, count, own.len())] - touched.start
+                })?;
             }
             let of_log = observation.parts();
             if places.len() > 1 {
@@ -172,7 +199,11 @@ impl Source for Logs<'_> {
         Ok(observation.parts())
     }
 
-    fn correlation(&self, model: &TorqueModel, factors: &[JointFactor]) -> Result<Vec<f64>, IdentifyError> {
+    fn correlation(
+        &self,
+        model: &TorqueModel,
+        factors: &[JointFactor],
+    ) -> Result<Vec<f64>, IdentifyError> {
         correlation(model, &self.experiment.motions, self.processing, factors)
     }
 
@@ -185,10 +216,15 @@ impl Source for Logs<'_> {
             return Ok(None);
         }
         let columns = self.terms.columns(model)?;
-        variable_projection::factors(self.robot, self.set, self.base, self.experiment, &columns).map(Some)
+        variable_projection::factors(self.robot, self.set, self.base, self.experiment, &columns)
+            .map(Some)
     }
 
-    fn joint_covariance(&self, model: &mut TorqueModel, linear: &Mat<f64>) -> Result<Mat<f64>, IdentifyError> {
+    fn joint_covariance(
+        &self,
+        model: &mut TorqueModel,
+        linear: &Mat<f64>,
+    ) -> Result<Mat<f64>, IdentifyError> {
         self.terms.joint_covariance(model, linear)
     }
 

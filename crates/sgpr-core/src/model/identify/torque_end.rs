@@ -9,7 +9,8 @@ use crate::model::experiment::torque_of;
 use crate::motion::{Motion, MotionError, Processing};
 use crate::signal::Spectrum;
 
-/// Bands in which torques are compared, so many to the octave, and so many octaves below the cut-off.
+/// Bands in which torques are compared, so many to the octave, and so many octaves below the
+/// cut-off.
 const BANDS_PER_OCTAVE: usize = 4;
 const OCTAVES: usize = 5;
 
@@ -17,24 +18,27 @@ const OCTAVES: usize = 5;
 const WINDOW: f64 = 8.0;
 const WINDOWS: usize = 4;
 
-/// Torques end where they are half of what the model asks for: a filter of second order that runs forward and backward
-/// leaves half at its cut-off.
+/// Torques end where they are half of what the model asks for: a filter of second order that runs
+/// forward and backward leaves half at its cut-off.
 const HALF: f64 = 0.5;
 
-/// At the end of the band less than this is left of what inertia and gravity ask for. Real arms whose torques do not end
-/// have 0.6 and more there, as friction and noise come to it.
+/// At the end of the band less than this is left of what inertia and gravity ask for. Real arms
+/// whose torques do not end have 0.6 and more there, as friction and noise come to it.
 const LITTLE: f64 = 0.25;
 
-/// Both sides can be compared up to this share of the end: a filter of second order that ran forward and backward leaves four
-/// fifths there, and of what it takes the standard deviations know nothing.
+/// Both sides can be compared up to this share of the end: a filter of second order that ran
+/// forward and backward leaves four fifths there, and of what it takes the standard deviations know
+/// nothing.
 const COMPARED: f64 = 0.7;
 
-/// Whether the torques along `motions` end within the band of `processing` although their motion goes on.
+/// Whether the torques along `motions` end within the band of `processing` although their motion
+/// goes on.
 ///
-/// A low-pass before the log takes from the torque what the motion asks for at high frequencies: its share of the model's
-/// torque, by bands, falls and does not come back. Rows above say nothing of the arm, and nothing new: what is left there
-/// remembers as long as the filter did. Friction that jumps is in the model where the arm's is smooth: whether torques end is judged
-/// beside inertia and gravity, too, and where beside the whole model.
+/// A low-pass before the log takes from the torque what the motion asks for at high frequencies:
+/// its share of the model's torque, by bands, falls and does not come back. Rows above say nothing
+/// of the arm, and nothing new: what is left there remembers as long as the filter did. Friction
+/// that jumps is in the model where the arm's is smooth: whether torques end is judged beside
+/// inertia and gravity, too, and where beside the whole model.
 ///
 /// # Errors
 /// If a recording has no torque.
@@ -57,9 +61,13 @@ pub(super) fn torque_end(
     Ok(Some(Finding::TorqueEnds { hz, band_hz: band, compared_hz: COMPARED * hz }))
 }
 
-/// Amplitude of the measured torque as a share of the model's, median of the joints, by bands below `highest` Hz, each with
-/// its middle in Hz.
-fn shares_by_band(model: &TorqueModel, motions: &[Arc<Motion>], highest: f64) -> Result<Vec<(f64, f64)>, MotionError> {
+/// Amplitude of the measured torque as a share of the model's, median of the joints, by bands below
+/// `highest` Hz, each with its middle in Hz.
+fn shares_by_band(
+    model: &TorqueModel,
+    motions: &[Arc<Motion>],
+    highest: f64,
+) -> Result<Vec<(f64, f64)>, MotionError> {
     let n = model.robot.dof();
     let edge = |k: usize| highest * (k as f64 / BANDS_PER_OCTAVE as f64 - OCTAVES as f64).exp2();
     let bands = OCTAVES * BANDS_PER_OCTAVE;
@@ -81,8 +89,10 @@ fn shares_by_band(model: &TorqueModel, motions: &[Arc<Motion>], highest: f64) ->
         }
     }
     let share = |k: usize| -> Option<f64> {
-        let of_joints = (0..n).map(|joint| power[joint * bands + k]).filter(|[_, model]| *model > 0.0);
-        let mut shares: Vec<f64> = of_joints.map(|[measured, model]| (measured / model).sqrt()).collect();
+        let of_joints =
+            (0..n).map(|joint| power[joint * bands + k]).filter(|[_, model]| *model > 0.0);
+        let mut shares: Vec<f64> =
+            of_joints.map(|[measured, model]| (measured / model).sqrt()).collect();
         shares.sort_by(f64::total_cmp);
         shares.get(shares.len() / 2).copied()
     };
@@ -92,7 +102,8 @@ fn shares_by_band(model: &TorqueModel, motions: &[Arc<Motion>], highest: f64) ->
 /// The model without friction, offsets and terms.
 fn smooth_part(model: &TorqueModel) -> TorqueModel {
     let mut smooth = model.without_terms();
-    let counts = |k: usize| k < model.set.inertial() || role_of(&model.set, k) == Some(Role::RotorInertia);
+    let counts =
+        |k: usize| k < model.set.inertial() || role_of(&model.set, k) == Some(Role::RotorInertia);
     let pairs = model.parameters.iter().enumerate();
     smooth.set_parameters(pairs.map(|(k, value)| if counts(k) { *value } else { 0.0 }).collect());
     smooth

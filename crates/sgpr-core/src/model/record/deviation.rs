@@ -1,8 +1,9 @@
 //! What changed in an arm since its reference model, part by part of a log.
 //!
-//! The rigid body and all other joints stay those of the reference; what a part of a log says against it is fitted joint by
-//! joint with the few parameters that change in service: those of the joint's own effects, and the gain of its torque. A tool
-//! shows at all joints at once, in the mass and the first moments that the last link gains.
+//! The rigid body and all other joints stay those of the reference; what a part of a log says
+//! against it is fitted joint by joint with the few parameters that change in service: those of the
+//! joint's own effects, and the gain of its torque. A tool shows at all joints at once, in the mass
+//! and the first moments that the last link gains.
 
 use faer::Mat;
 
@@ -43,7 +44,8 @@ pub struct JointDeviation {
     pub error: f64,
     /// The same after the effects of the joint are fitted, N·m (N).
     pub error_after: f64,
-    /// The same if nothing but mass and first moments of the last link had changed, at all joints alike, N·m (N).
+    /// The same if nothing but mass and first moments of the last link had changed, at all joints
+    /// alike, N·m (N).
     pub error_with_tool: f64,
     /// Parameters of the joint's effects; the gain of the torque comes last.
     pub parameters: Vec<ParameterDeviation>,
@@ -71,16 +73,26 @@ pub struct ParameterDeviation {
 ///
 /// # Errors
 /// As [`compare_records`](super::compare_records).
-pub fn deviations(model: &TorqueModel, record: &Record, by_block: bool) -> Result<Vec<Deviation>, RecordError> {
+pub fn deviations(
+    model: &TorqueModel,
+    record: &Record,
+    by_block: bool,
+) -> Result<Vec<Deviation>, RecordError> {
     let (set, base) = check(model.robot(), &[record])?;
     let parameters = parameters_in(model, &set, record)?;
-    let reference = ReferenceModel { set: &set, values: base.combine(&parameters), parameters, base: &base };
+    let reference =
+        ReferenceModel { set: &set, values: base.combine(&parameters), parameters, base: &base };
     let moving = |blocks: &[RecordBlock]| -> Vec<JointFactor> {
-        let factors = blocks.iter().flat_map(|block| &block.factors).filter(|factor| !factor.resting);
+        let factors =
+            blocks.iter().flat_map(|block| &block.factors).filter(|factor| !factor.resting);
         stacked(factors)
     };
     let at_once = if by_block { 1 } else { record.blocks.len() };
-    Ok(record.blocks.chunks(at_once).map(|blocks| reference.deviation(record, &moving(blocks))).collect())
+    Ok(record
+        .blocks
+        .chunks(at_once)
+        .map(|blocks| reference.deviation(record, &moving(blocks)))
+        .collect())
 }
 
 struct ReferenceModel<'a> {
@@ -102,7 +114,8 @@ impl ReferenceModel<'_> {
 
     fn joint(&self, factor: &JointFactor, memory: f64) -> JointDeviation {
         let predicted = predicted(factor, &self.values);
-        let residual: Vec<f64> = torque(factor).iter().zip(&predicted).map(|(tau, model)| tau - model).collect();
+        let residual: Vec<f64> =
+            torque(factor).iter().zip(&predicted).map(|(tau, model)| tau - model).collect();
         let of_effects = self.set.effect_parameters_of(factor.joint);
         let own: Vec<(usize, Vec<f64>)> = factor
             .columns
@@ -116,17 +129,21 @@ impl ReferenceModel<'_> {
         let together = SmallFit::new(&columns, &residual, factor.rows, memory);
         let mean_root = |squares: f64| (squares / f64::max(factor.rows as f64, 1.0)).sqrt();
         let alone = |column: &[f64]| SmallFit::new(&[column], &residual, factor.rows, memory);
-        let deviation = |(k, (parameter, column)): (usize, &(usize, Vec<f64>))| ParameterDeviation {
-            name: self.set.names()[*parameter].clone(),
-            unit: self.set.units()[*parameter],
-            reference: self.parameters[*parameter],
-            change: together.changes[k],
-            standard_deviation: together.deviations[k],
-            error_alone: mean_root(alone(column).left),
-        };
-        let mut parameters: Vec<ParameterDeviation> = own.iter().enumerate().map(deviation).collect();
+        let deviation =
+            |(k, (parameter, column)): (usize, &(usize, Vec<f64>))| ParameterDeviation {
+                name: self.set.names()[*parameter].clone(),
+                unit: self.set.units()[*parameter],
+                reference: self.parameters[*parameter],
+                change: together.changes[k],
+                standard_deviation: together.deviations[k],
+                error_alone: mean_root(alone(column).left),
+            };
+        let mut parameters: Vec<ParameterDeviation> =
+            own.iter().enumerate().map(deviation).collect();
         let gain = alone(&predicted);
-        let joint = self.set.names()[factor.joint * PARAMETERS_PER_LINK].rsplit_once('.').map_or("", |(name, _)| name);
+        let joint = self.set.names()[factor.joint * PARAMETERS_PER_LINK]
+            .rsplit_once('.')
+            .map_or("", |(name, _)| name);
         parameters.push(ParameterDeviation {
             name: format!("{joint}.gain"),
             unit: "",
@@ -147,24 +164,29 @@ impl ReferenceModel<'_> {
         }
     }
 
-    /// Mass of the last link beyond the reference, its standard deviation, and the share of the residual that mass and
-    /// first moments explain; sets what they leave at each joint.
+    /// Mass of the last link beyond the reference, its standard deviation, and the share of the
+    /// residual that mass and first moments explain; sets what they leave at each joint.
     fn tool(&self, factors: &[JointFactor], joints: &mut [JointDeviation]) -> (f64, f64, f64) {
         const MASS_AND_MOMENTS: usize = 4;
         let first = self.set.inertial() - PARAMETERS_PER_LINK;
         let directions: Vec<Vec<f64>> = (first..first + MASS_AND_MOMENTS)
             .map(|parameter| {
-                let unit: Vec<f64> = (0..self.set.len()).map(|k| f64::from(u8::from(k == parameter))).collect();
+                let unit: Vec<f64> =
+                    (0..self.set.len()).map(|k| f64::from(u8::from(k == parameter))).collect();
                 self.base.combine(&unit)
             })
             .collect();
         let (mut columns, mut residual) = (vec![Vec::new(); MASS_AND_MOMENTS], Vec::new());
         let (mut rows, mut weighted_memory) = (0, 0.0);
-        let noise_of = |joint: &JointDeviation| joint.error_after.max(1e-9 * joint.torque).max(f64::MIN_POSITIVE);
+        let noise_of = |joint: &JointDeviation| {
+            joint.error_after.max(1e-9 * joint.torque).max(f64::MIN_POSITIVE)
+        };
         for (factor, joint) in factors.iter().zip(joints.iter()) {
             let noise = noise_of(joint);
             let model = predicted(factor, &self.values);
-            residual.extend(torque(factor).iter().zip(&model).map(|(tau, model)| (tau - model) / noise));
+            residual.extend(
+                torque(factor).iter().zip(&model).map(|(tau, model)| (tau - model) / noise),
+            );
             for (column, direction) in columns.iter_mut().zip(&directions) {
                 column.extend(predicted(factor, direction).iter().map(|value| value / noise));
             }
@@ -172,7 +194,8 @@ impl ReferenceModel<'_> {
             weighted_memory += joint.memory * factor.rows as f64;
         }
         let columns: Vec<&[f64]> = columns.iter().map(Vec::as_slice).collect();
-        let fit = SmallFit::new(&columns, &residual, rows, weighted_memory / f64::max(rows as f64, 1.0));
+        let fit =
+            SmallFit::new(&columns, &residual, rows, weighted_memory / f64::max(rows as f64, 1.0));
         let share = 1.0 - fit.left / squares(&residual).max(f64::MIN_POSITIVE);
         let mut first = 0;
         for (factor, joint) in factors.iter().zip(joints) {
@@ -181,7 +204,8 @@ impl ReferenceModel<'_> {
                 columns.iter().zip(&fit.changes).map(|(column, change)| column[row] * change).sum()
             };
             let left: f64 = rows.clone().map(|row| (residual[row] - explained(row)).powi(2)).sum();
-            joint.error_with_tool = noise_of(joint) * (left / f64::max(factor.rows as f64, 1.0)).sqrt();
+            joint.error_with_tool =
+                noise_of(joint) * (left / f64::max(factor.rows as f64, 1.0)).sqrt();
             first = rows.end;
         }
         (fit.changes[0], fit.deviations[0], share.clamp(0.0, 1.0))
@@ -223,8 +247,11 @@ impl SmallFit {
         let mut kept: Vec<usize> = (0..columns.len()).collect();
         let factor = loop {
             let column = |j: usize| kept.get(j).map_or(residual, |&k| columns[k]);
-            let factor = triangle(Mat::from_fn(residual.len(), kept.len() + 1, |i, j| column(j)[i]).as_ref());
-            let lost = (0..kept.len()).find(|&j| factor[(j, j)] <= OWN * squares(columns[kept[j]]).sqrt());
+            let factor = triangle(
+                Mat::from_fn(residual.len(), kept.len() + 1, |i, j| column(j)[i]).as_ref(),
+            );
+            let lost =
+                (0..kept.len()).find(|&j| factor[(j, j)] <= OWN * squares(columns[kept[j]]).sqrt());
             match lost {
                 Some(j) => drop(kept.remove(j)),
                 None => break factor,
@@ -233,12 +260,14 @@ impl SmallFit {
         let p = kept.len();
         let left = factor[(p, p)].powi(2);
         let variance = left / f64::max(rows as f64 - p as f64, 1.0) * memory;
-        let (mut changes, mut deviations) = (vec![0.0; columns.len()], vec![f64::INFINITY; columns.len()]);
+        let (mut changes, mut deviations) =
+            (vec![0.0; columns.len()], vec![f64::INFINITY; columns.len()]);
         let solution = solved(&factor, p, |i| factor[(i, p)]);
         for (j, &k) in kept.iter().enumerate() {
             changes[k] = solution[j];
         }
-        // The inverse of the triangle, column by column; its rows make the diagonal of the inverse Gram matrix.
+        // The inverse of the triangle, column by column; its rows make the diagonal of the inverse
+        // Gram matrix.
         let mut inverse_gram = vec![0.0; p];
         for unit in 0..p {
             let column = solved(&factor, p, |i| f64::from(u8::from(i == unit)));

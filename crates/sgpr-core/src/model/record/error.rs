@@ -18,8 +18,9 @@ pub enum RecordError {
     },
     /// Of another robot.
     #[error(
-        "the record of {source_name} is of another robot: its fingerprint is {found}, that of `{robot}` is {expected}; \
-         joints, links and gravity must be those of the robot file that it was made with"
+        "the record of {source_name} is of another robot: its fingerprint is {found}, that of \
+         `{robot}` is {expected}; joints, links and gravity must be those of the robot file that \
+         it was made with"
     )]
     OtherRobot {
         /// Log of the record.
@@ -33,8 +34,8 @@ pub enum RecordError {
     },
     /// Of other equations than the first record.
     #[error(
-        "the records of {first} and {other} differ in their {what}, so their equations cannot be summed: make both with the \
-         same {what}"
+        "the records of {first} and {other} differ in their {what}, so their equations cannot be \
+         summed: make both with the same {what}"
     )]
     Different {
         /// Log of the first record.
@@ -46,8 +47,8 @@ pub enum RecordError {
     },
     /// Made before records knew what joints did.
     #[error(
-        "the record of {source_name} was made by version {version}, which did not keep what a prior asks of the motion: make it \
-         again from its log, or identify without a prior"
+        "the record of {source_name} was made by version {version}, which did not keep what a \
+         prior asks of the motion: make it again from its log, or identify without a prior"
     )]
     Older {
         /// Log of the record.
@@ -57,8 +58,9 @@ pub enum RecordError {
     },
     /// What needs single rows.
     #[error(
-        "{what} needs the single rows of the logs, which records do not hold: identify from the logs, or choose another method \
-         (ols, wls with or without known noise, ridge, tls) and uncertainty `memory`"
+        "{what} needs the single rows of the logs, which records do not hold: identify from the \
+         logs, or choose another method (ols, wls with or without known noise, ridge, tls) and \
+         uncertainty `memory`"
     )]
     NeedsRows {
         /// Method or option.
@@ -66,8 +68,8 @@ pub enum RecordError {
     },
     /// What is no linear effect of the present motion.
     #[error(
-        "`{effect}` follows the whole trajectory or has constants that enter nonlinearly, and no record can hold it: leave \
-         it out, and add it to the model from a log"
+        "`{effect}` follows the whole trajectory or has constants that enter nonlinearly, and no \
+         record can hold it: leave it out, and add it to the model from a log"
     )]
     NotRecorded {
         /// Effect.
@@ -82,7 +84,10 @@ pub enum RecordError {
         reason: String,
     },
     /// Records that cannot be diagnosed.
-    #[error("the record of {source_name} has no columns of effects to look for: make records with suspects")]
+    #[error(
+        "the record of {source_name} has no columns of effects to look for: make records with \
+         suspects"
+    )]
     NoSuspects {
         /// Log of the record.
         source_name: String,
@@ -101,7 +106,8 @@ pub enum RecordError {
     },
     /// A model whose parameters are not those of the record.
     #[error(
-        "the model has `{parameter}`, the record of {source_name} does not: make records with the effects of the model"
+        "the model has `{parameter}`, the record of {source_name} does not: make records with the \
+         effects of the model"
     )]
     OtherParameters {
         /// Parameter, or effect, of the model.

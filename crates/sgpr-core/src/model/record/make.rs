@@ -14,8 +14,9 @@ use super::super::variable_projection;
 use super::suspects::{columns_of, suspects_of};
 use super::{JointExtent, Record, RecordBlock, RecordError, RecordFinding, RecordMemory};
 use crate::identification::{
-    BaseParameters, Equation, Equations, Finding, JointFactor, KeptRows, LagProducts, LeastSquares, Method,
-    Observation, ParameterSet, Row, ShiftedTorques, Trajectory, piece_of, screen_factors, screen_scale, stacked,
+    BaseParameters, Equation, Equations, Finding, JointFactor, KeptRows, LagProducts, LeastSquares,
+    Method, Observation, ParameterSet, Row, ShiftedTorques, Trajectory, piece_of, screen_factors,
+    screen_scale, stacked,
 };
 use crate::model::identify::key_of;
 use crate::motion::{Conditioning, Motion, Processing};
@@ -27,19 +28,22 @@ use crate::robot::Robot;
 #[setters(prefix = "with_")]
 #[non_exhaustive]
 pub struct RecordOptions {
-    /// Names of effects beside the rigid body, each a linear function of the present motion and at every joint.
+    /// Names of effects beside the rigid body, each a linear function of the present motion and at
+    /// every joint.
     pub effects: Vec<String>,
     /// Parts of equal length that keep factors of their own, at least one.
     pub blocks: usize,
-    /// Part of the log that counts, `[start, end)`, ns: the rest only settles filters. All of it if `None`.
+    /// Part of the log that counts, `[start, end)`, ns: the rest only settles filters. All of it if
+    /// `None`.
     pub counted: Option<[i64; 2]>,
-    /// Whether products of rows some time apart are kept of all columns: then several records have the standard deviations
-    /// of their logs together. They are three quarters of a record; without them the residual of each log's own solution
-    /// speaks for it.
+    /// Whether products of rows some time apart are kept of all columns: then several records have
+    /// the standard deviations of their logs together. They are three quarters of a record; without
+    /// them the residual of each log's own solution speaks for it.
     pub lags: bool,
     /// Effects that the equations lack and that are to be looked for
-    /// ([`diagnose_records`](super::diagnose_records)): names, `torque_ripple` or `cable_stiffness@joint_2`. Rows within a
-    /// period of the cut-off of a turn of their joint say nothing of them.
+    /// ([`diagnose_records`](super::diagnose_records)): names, `torque_ripple` or
+    /// `cable_stiffness@joint_2`. Rows within a period of the cut-off of a turn of their joint say
+    /// nothing of them.
     pub suspects: Vec<String>,
     /// Names that the record keeps.
     pub labels: BTreeMap<String, String>,
@@ -48,12 +52,19 @@ pub struct RecordOptions {
 impl Default for RecordOptions {
     fn default() -> Self {
         let effects = super::super::IdentifyOptions::default().effects;
-        Self { effects, blocks: 5, counted: None, lags: true, suspects: vec![], labels: BTreeMap::new() }
+        Self {
+            effects,
+            blocks: 5,
+            counted: None,
+            lags: true,
+            suspects: vec![],
+            labels: BTreeMap::new(),
+        }
     }
 }
 
-/// What is done to logs of a robot so that their records can be summed: what [`identify`](super::super::identify) would
-/// choose for the same logs.
+/// What is done to logs of a robot so that their records can be summed: what
+/// [`identify`](super::super::identify) would choose for the same logs.
 ///
 /// # Errors
 /// As [`Processing::choose`], and if a recording lacks a joint.
@@ -67,7 +78,8 @@ pub fn choose_processing(
 
 /// The record of a log, processed as `processing` says.
 ///
-/// The equations are those of [`identify`](super::super::identify): both sides filtered, rows of joints at rest apart.
+/// The equations are those of [`identify`](super::super::identify): both sides filtered, rows of
+/// joints at rest apart.
 ///
 /// # Errors
 /// If the log lacks a joint or torque or cannot be differentiated, or an effect cannot be recorded.
@@ -86,7 +98,8 @@ pub fn record(
     count_only(&mut experiment.motions, options.counted);
     let set = ParameterSet::new(robot, &effects).map_err(IdentifyError::from)?;
     let base = BaseParameters::new(robot, &set);
-    let mut record = record_of(robot, recording, (&experiment, None), (&set, &base), processing, options)?;
+    let mut record =
+        record_of(robot, recording, (&experiment, None), (&set, &base), processing, options)?;
     let suspects = suspects_of(robot, &effects, &options.suspects)?;
     if !suspects.is_empty() {
         let calm = between_turns(processing);
@@ -99,17 +112,22 @@ pub fn record(
         let set = set.with_trajectory_columns(columns.parameters.clone());
         let base = BaseParameters::new(robot, &set);
         let parts = BlockParts::new(&experiment.motions, options);
-        let trajectories = experiment.trajectories_with(&[], &[], Some(&columns)).map_err(IdentifyError::from)?;
+        let trajectories =
+            experiment.trajectories_with(&[], &[], Some(&columns)).map_err(IdentifyError::from)?;
         let observation = Observation::in_parts(robot, &set, &base, options.blocks);
         let (of_blocks, _) = block_factors(observation, &trajectories, &parts)?;
-        record.blocks.iter_mut().zip(of_blocks).for_each(|(block, factors)| block.suspected = factors);
+        record
+            .blocks
+            .iter_mut()
+            .zip(of_blocks)
+            .for_each(|(block, factors)| block.suspected = factors);
     }
     Ok(Record { effects, suspects, ..record })
 }
 
-/// Periods of the cut-off about turns of a joint in which its rows say nothing of suspects and delays: dry friction jumps there,
-/// a sample stands on either side, and any friction that is large at creeping speed would take the error for its own, and a
-/// shift of the torque, too.
+/// Periods of the cut-off about turns of a joint in which its rows say nothing of suspects and
+/// delays: dry friction jumps there, a sample stands on either side, and any friction that is large
+/// at creeping speed would take the error for its own, and a shift of the torque, too.
 const TURN_MARGIN: f64 = 1.0;
 
 /// The same processing without the rows near turns.
@@ -118,7 +136,10 @@ fn between_turns(processing: &Processing) -> Processing {
 }
 
 /// Names of effects that are linear in the present motion, and at every joint.
-pub(super) fn recorded_effects(robot: &Robot, names: &[String]) -> Result<Vec<String>, RecordError> {
+pub(super) fn recorded_effects(
+    robot: &Robot,
+    names: &[String],
+) -> Result<Vec<String>, RecordError> {
     let (effects, others) = variable_projection::split(robot, names)?;
     match others.first() {
         Some((effect, _)) => Err(RecordError::NotRecorded { effect: effect.name().into() }),
@@ -132,7 +153,8 @@ pub(super) fn experiment(
     recording: &Recording,
     processing: &Processing,
 ) -> Result<Experiment, RecordError> {
-    let recordings = select_joints(robot, std::slice::from_ref(recording)).map_err(IdentifyError::from)?;
+    let recordings =
+        select_joints(robot, std::slice::from_ref(recording)).map_err(IdentifyError::from)?;
     require_torque(robot, &recordings)?;
     Ok(Experiment::new(&recordings, processing)?)
 }
@@ -150,7 +172,8 @@ pub(super) fn record_of(
     if parts.samples == 0 {
         return Err(RecordError::NothingCounts { source_name: recording.source().into() });
     }
-    let trajectories = experiment.trajectories_with(&[], &[], columns).map_err(IdentifyError::from)?;
+    let trajectories =
+        experiment.trajectories_with(&[], &[], columns).map_err(IdentifyError::from)?;
     let observation = Observation::in_parts(robot, set, base, options.blocks).keeping_rows();
     let (blocks, kept) = block_factors(observation, &trajectories, &parts)?;
     let factors = stacked(blocks.iter().flatten());
@@ -170,10 +193,12 @@ pub(super) fn record_of(
     };
     let mut shifts = ShiftedTorques::new(&factors);
     let calm = experiment.calm_rows(&between_turns(processing));
-    let memory = memory((&mut equations, kept), &factors, &center, options.lags, |equation, row| {
-        let is_calm = calm[equation.trajectory][equation.sample * robot.dof() + equation.joint] == Row::Moving;
-        shifts.push(equation, row, is_calm);
-    })?;
+    let memory =
+        memory((&mut equations, kept), &factors, &center, options.lags, |equation, row| {
+            let is_calm = calm[equation.trajectory][equation.sample * robot.dof() + equation.joint]
+                == Row::Moving;
+            shifts.push(equation, row, is_calm);
+        })?;
     let rates: Vec<f64> = experiment.row_rates_hz();
     findings.extend(shifts.findings(&joints, &rates).into_iter().map(RecordFinding::from));
     let of_block = |(index, factors): (usize, Vec<JointFactor>)| RecordBlock {
@@ -206,7 +231,8 @@ pub(super) fn record_of(
 
 /// What the samples of a log tell, and the limits of the robot file.
 fn looked_at(robot: &Robot, recording: &Recording) -> Vec<RecordFinding> {
-    let issues = inspect(recording).into_iter().chain(torque_scale(robot, recording).ok().flatten());
+    let issues =
+        inspect(recording).into_iter().chain(torque_scale(robot, recording).ok().flatten());
     let mut findings: Vec<RecordFinding> = issues.map(RecordFinding::from).collect();
     if let Ok(recordings) = select_joints(robot, std::slice::from_ref(recording)) {
         findings.extend(beyond_limits(robot, &recordings).into_iter().map(RecordFinding::from));
@@ -245,8 +271,8 @@ fn count_only(motions: &mut [Arc<Motion>], counted: Option<[i64; 2]>) {
     }
 }
 
-/// Which block a sample of a stretch belongs to: each stretch is cut into as many parts of equal length, as for the parts
-/// that are left out one after the other.
+/// Which block a sample of a stretch belongs to: each stretch is cut into as many parts of equal
+/// length, as for the parts that are left out one after the other.
 struct BlockParts {
     blocks: usize,
     /// Per stretch: samples that count, and the stamps of all.
@@ -296,17 +322,21 @@ impl BlockParts {
             let range = self.range(stretch, &(block..block + 1));
             for channel in &motion.channels {
                 let (sum, count) = sums.entry(channel.name.clone()).or_default();
-                for value in channel.values[range.clone()].iter().filter(|value| value.is_finite()) {
+                for value in channel.values[range.clone()].iter().filter(|value| value.is_finite())
+                {
                     (*sum, *count) = (*sum + value, *count + 1);
                 }
             }
         }
-        let mean = |(name, (sum, count)): (String, (f64, usize))| (count > 0).then(|| (name, sum / count as f64));
+        let mean = |(name, (sum, count)): (String, (f64, usize))| {
+            (count > 0).then(|| (name, sum / count as f64))
+        };
         sums.into_iter().filter_map(mean).filter(|(_, mean)| mean.is_finite()).collect()
     }
 }
 
-/// Factors of each block, joints in motion first, then joints at rest; and the rows if the observation kept them.
+/// Factors of each block, joints in motion first, then joints at rest; and the rows if the
+/// observation kept them.
 fn block_factors(
     mut observation: Observation<'_>,
     trajectories: &[Trajectory<'_>],
@@ -332,10 +362,15 @@ fn memory(
     mut beside: impl FnMut(&Equation<'_>, usize),
 ) -> Result<Vec<RecordMemory>, IdentifyError> {
     let columns = |factor: &JointFactor| if lags { factor.columns.len() } else { 0 };
-    let mut products: Vec<LagProducts> = factors.iter().map(|factor| LagProducts::new(columns(factor) + 1)).collect();
-    let steps: Vec<usize> = equations.trajectories().iter().map(|trajectory| trajectory.decimation).collect();
-    let kinds: BTreeMap<(usize, bool), usize> =
-        factors.iter().enumerate().map(|(index, factor)| ((factor.joint, factor.resting), index)).collect();
+    let mut products: Vec<LagProducts> =
+        factors.iter().map(|factor| LagProducts::new(columns(factor) + 1)).collect();
+    let steps: Vec<usize> =
+        equations.trajectories().iter().map(|trajectory| trajectory.decimation).collect();
+    let kinds: BTreeMap<(usize, bool), usize> = factors
+        .iter()
+        .enumerate()
+        .map(|(index, factor)| ((factor.joint, factor.resting), index))
+        .collect();
     let visit = |equation: Equation<'_>| {
         let index = kinds[&(equation.joint, equation.resting)];
         let own = equation.row[..columns(&factors[index])].iter().copied();

@@ -1,10 +1,12 @@
 //! A log as a sum: the small part of it that identification needs.
 //!
-//! Least squares knows of a log only the triangular factors of its equations with the torque. A [`Record`] keeps them,
-//! joint by joint and part by part, with what the residual remembers and where the log came from. Any choice of records is
-//! identified ([`identify_records`]), compared with a model ([`compare_records`]) and looked through for changes
-//! ([`deviations`]), and asked for effects that the model lacks ([`diagnose_records`]), without the logs: factors of several logs below each other, reduced again, are the factor of all their
-//! rows. Adding a log is adding its record to the list, removing it is leaving it out. Sessions of one arm are compared
+//! Least squares knows of a log only the triangular factors of its equations with the torque. A
+//! [`Record`] keeps them, joint by joint and part by part, with what the residual remembers and
+//! where the log came from. Any choice of records is identified ([`identify_records`]), compared
+//! with a model ([`compare_records`]) and looked through for changes ([`deviations`]), and asked
+//! for effects that the model lacks ([`diagnose_records`]), without the logs: factors of several
+//! logs below each other, reduced again, are the factor of all their rows. Adding a log is adding
+//! its record to the list, removing it is leaving it out. Sessions of one arm are compared
 //! ([`compare_sessions`]) from their logs, as sums with more columns than records keep.
 
 mod deviation;
@@ -46,7 +48,8 @@ pub struct Record {
     pub processing: Processing,
     /// Where the log came from.
     pub source: String,
-    /// [`Recording::content_hash`](crate::recording::Recording::content_hash) of the log, hexadecimal.
+    /// [`Recording::content_hash`](crate::recording::Recording::content_hash) of the log,
+    /// hexadecimal.
     pub content_hash: String,
     /// Part of the log that counts, `[start, end)`, ns; all of it if `None`.
     pub counted: Option<[i64; 2]>,
@@ -62,7 +65,8 @@ pub struct Record {
     pub library_version: String,
     /// What each joint did, `[n]`; empty in a record of an earlier version.
     pub extents: Vec<JointExtent>,
-    /// Squares of the torque with which the log begins and of all of it: its place among others, whatever their files are called.
+    /// Squares of the torque with which the log begins and of all of it: its place among others,
+    /// whatever their files are called.
     pub key: [f64; 2],
     /// Effects that the equations lack and blocks have columns of.
     pub suspects: Vec<Suspect>,
@@ -74,13 +78,15 @@ pub struct Record {
     pub blocks: Vec<RecordBlock>,
 }
 
-/// Something that a look at a log found, at its numbers, at the limits of the robot file or at the equations.
+/// Something that a look at a log found, at its numbers, at the limits of the robot file or at the
+/// equations.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 #[non_exhaustive]
 pub struct RecordFinding {
-    /// What it is: names of [`IssueKind`](crate::recording::IssueKind) and [`Finding`](crate::identification::Finding),
-    /// `frozen_torque`, `saturated`; `unnamed` in records of an earlier version.
+    /// What it is: names of [`IssueKind`](crate::recording::IssueKind) and
+    /// [`Finding`](crate::identification::Finding), `frozen_torque`, `saturated`; `unnamed` in
+    /// records of an earlier version.
     pub kind: String,
     /// How much it matters: `stop`, `look` or `know`.
     pub rank: String,
@@ -90,8 +96,8 @@ pub struct RecordFinding {
     pub message: String,
 }
 
-/// Products of a joint's rows with those some rows later, summed over the log by groups of lags: what any parameters leave
-/// of the torque remembers as these say.
+/// Products of a joint's rows with those some rows later, summed over the log by groups of lags:
+/// what any parameters leave of the torque remembers as these say.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct RecordMemory {
@@ -99,8 +105,8 @@ pub struct RecordMemory {
     pub joint: usize,
     /// Whether these are the rows at which it stands.
     pub resting: bool,
-    /// Per group of lags, symmetric: of all columns of the joint's factor, with the residual of [`Record::center`] in the
-    /// place of the torque; of that residual alone if `[1, 1]`.
+    /// Per group of lags, symmetric: of all columns of the joint's factor, with the residual of
+    /// [`Record::center`] in the place of the torque; of that residual alone if `[1, 1]`.
     pub sums: Vec<Mat<f64>>,
     /// Number of products in each.
     pub counts: Vec<usize>,
@@ -116,7 +122,8 @@ pub struct RecordBlock {
     pub channels: BTreeMap<String, f64>,
     /// Joints in motion, then joints at rest; without those that have no row.
     pub factors: Vec<JointFactor>,
-    /// The same with the columns of suspects beside the base parameters, one after the other; empty without suspects.
+    /// The same with the columns of suspects beside the base parameters, one after the other; empty
+    /// without suspects.
     pub suspected: Vec<JointFactor>,
 }
 

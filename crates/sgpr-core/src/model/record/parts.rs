@@ -58,9 +58,12 @@ impl From<FindingHead> for RecordFinding {
     fn from(head: FindingHead) -> Self {
         match head {
             FindingHead::Whole(finding) => finding,
-            FindingHead::Sentence(message) => {
-                Self { kind: "unnamed".into(), rank: Severity::Note.rank().into(), subject: None, message }
-            }
+            FindingHead::Sentence(message) => Self {
+                kind: "unnamed".into(),
+                rank: Severity::Note.rank().into(),
+                subject: None,
+                message,
+            },
         }
     }
 }
@@ -95,7 +98,8 @@ struct FactorHead {
 }
 
 impl Record {
-    /// The record as JSON and the upper triangles of its factors, then of its products, row by row, one after the other.
+    /// The record as JSON and the upper triangles of its factors, then of its products, row by row,
+    /// one after the other.
     pub fn to_parts(&self) -> (String, Vec<f64>) {
         let factor = |factor: &JointFactor| {
             let JointFactor { joint, resting, columns, rows, .. } = factor.clone();
@@ -109,7 +113,12 @@ impl Record {
         };
         let memory = |memory: &RecordMemory| {
             let RecordMemory { joint, resting, ref counts, .. } = *memory;
-            MemoryHead { joint, resting, width: memory.sums.first().map_or(0, Mat::ncols), counts: counts.clone() }
+            MemoryHead {
+                joint,
+                resting,
+                width: memory.sums.first().map_or(0, Mat::ncols),
+                counts: counts.clone(),
+            }
         };
         let record = self.clone();
         let head = RecordHead {
@@ -134,20 +143,23 @@ impl Record {
             memory: self.memory.iter().map(memory).collect(),
             blocks: self.blocks.iter().map(block).collect(),
         };
-        let of_blocks = self.blocks.iter().flat_map(|block| block.factors.iter().chain(&block.suspected));
+        let of_blocks =
+            self.blocks.iter().flat_map(|block| block.factors.iter().chain(&block.suspected));
         let factors = of_blocks.map(|factor| &factor.factor);
         let products = self.memory.iter().flat_map(|memory| &memory.sums);
         let numbers = factors.chain(products).flat_map(upper_triangle).collect();
         (serde_json::to_string(&head).expect("plain data"), numbers)
     }
 
-    /// A record from its parts. Safe with those of strangers: every length is checked before memory is taken.
+    /// A record from its parts. Safe with those of strangers: every length is checked before memory
+    /// is taken.
     ///
     /// # Errors
     /// If they are no record, damaged, or of a later version.
     pub fn from_parts(head: &str, numbers: &[f64]) -> Result<Self, RecordError> {
         let wrong = |message: String| RecordError::Malformed { message };
-        let head: RecordHead = serde_json::from_str(head).map_err(|error| wrong(format!("its head: {error}")))?;
+        let head: RecordHead =
+            serde_json::from_str(head).map_err(|error| wrong(format!("its head: {error}")))?;
         if head.format != FORMAT {
             return Err(wrong(format!("its head says `{}`, not `{FORMAT}`", head.format)));
         }
@@ -166,9 +178,18 @@ impl Record {
                 factors.collect::<Result<_, _>>().map_err(wrong)
             };
             let (factors, suspected) = (of(block.factors)?, of(block.suspected)?);
-            blocks.push(RecordBlock { time: block.time, channels: block.channels, factors, suspected });
+            blocks.push(RecordBlock {
+                time: block.time,
+                channels: block.channels,
+                factors,
+                suspected,
+            });
         }
-        let memory = head.memory.into_iter().map(|memory| memory.with_numbers(&mut rest)).collect::<Result<_, _>>();
+        let memory = head
+            .memory
+            .into_iter()
+            .map(|memory| memory.with_numbers(&mut rest))
+            .collect::<Result<_, _>>();
         let memory = memory.map_err(wrong)?;
         if !rest.is_empty() {
             return Err(wrong(format!("{} numbers are left over", rest.len())));
@@ -212,11 +233,18 @@ impl RecordHead {
         if !self.extents.is_empty() && self.extents.len() != self.joints.len() {
             return wrong("it does not say what each of its joints did");
         }
-        if !self.suspects.iter().flat_map(|suspect| &suspect.constants).all(|constant| constant.is_finite()) {
+        if !self
+            .suspects
+            .iter()
+            .flat_map(|suspect| &suspect.constants)
+            .all(|constant| constant.is_finite())
+        {
             return wrong("a constant of a suspect is not finite");
         }
-        let numbers =
-            self.extents.iter().flat_map(|one| [one.position[0], one.position[1], one.speed, one.acceleration]);
+        let numbers = self
+            .extents
+            .iter()
+            .flat_map(|one| [one.position[0], one.position[1], one.speed, one.acceleration]);
         if !numbers.chain(self.key).all(f64::is_finite) {
             return wrong("what a joint did is not finite");
         }
@@ -244,7 +272,8 @@ impl FactorHead {
             return Err("the columns of a factor are not in order".into());
         }
         let own = triangle_of(columns.len() + 1, rest)?;
-        let factor = Mat::from_fn(own.nrows(), own.ncols(), |i, j| if i <= j { own[(i, j)] } else { 0.0 });
+        let factor =
+            Mat::from_fn(own.nrows(), own.ncols(), |i, j| if i <= j { own[(i, j)] } else { 0.0 });
         Ok(JointFactor { joint, resting, columns, factor, rows, least_noise: 0.0 })
     }
 }

@@ -4,9 +4,13 @@ use std::collections::BTreeSet;
 
 use faer::Mat;
 
-use super::super::identify::{PARTS, Place, Setup, Source, SourceFactors, parts_of_blocks, require_one_arm};
+use super::super::identify::{
+    PARTS, Place, Setup, Source, SourceFactors, parts_of_blocks, require_one_arm,
+};
 use super::super::torque_model::nominal_parameters;
-use super::super::{IdentificationReport, IdentifyError, IdentifyOptions, Start, TorqueModel, Uncertainty};
+use super::super::{
+    IdentificationReport, IdentifyError, IdentifyOptions, Start, TorqueModel, Uncertainty,
+};
 use super::{JointExtent, Record, RecordError, RecordMemory};
 use crate::identification::{
     BaseParameters, Equations, EstimatorNeeds, JointFactor, ParameterSet, piece_of, residual_norm,
@@ -15,21 +19,22 @@ use crate::identification::{
 use crate::progress::Progress;
 use crate::robot::Robot;
 
-/// Identifies the torque model of `robot` from records: what [`identify`](super::super::identify) finds in the logs that they
-/// were made of, processed alike.
+/// Identifies the torque model of `robot` from records: what [`identify`](super::super::identify)
+/// finds in the logs that they were made of, processed alike.
 ///
-/// Everything that estimators make of triangular factors works: least squares, a pull toward the robot file, total least squares;
-/// priors, physical consistency, essential parameters. Effects and processing are those of the records; what
-/// [`IdentifyOptions`] says of these does not count. Parts of the data that are left out are whole blocks: those of the
-/// logs, with records of five blocks each.
+/// Everything that estimators make of triangular factors works: least squares, a pull toward the
+/// robot file, total least squares; priors, physical consistency, essential parameters. Effects and
+/// processing are those of the records; what [`IdentifyOptions`] says of these does not count.
+/// Parts of the data that are left out are whole blocks: those of the logs, with records of five
+/// blocks each.
 ///
-/// Records without products of all columns ([`RecordOptions::lags`](super::RecordOptions::lags)) speak for the memory of the
-/// residual by that of their own solution. Records are summed in an order of their own, so that the model has the same bits
-/// in whatever order they come.
+/// Records without products of all columns ([`RecordOptions::lags`](super::RecordOptions::lags))
+/// speak for the memory of the residual by that of their own solution. Records are summed in an
+/// order of their own, so that the model has the same bits in whatever order they come.
 ///
 /// # Errors
-/// If a record is of another robot, the records differ in effects or processing, an option needs single rows, or the
-/// records hold too little.
+/// If a record is of another robot, the records differ in effects or processing, an option needs
+/// single rows, or the records hold too little.
 pub fn identify_records(
     robot: &Robot,
     records: &[&Record],
@@ -39,18 +44,33 @@ pub fn identify_records(
     let (set, base) = check(robot, records)?;
     let (records, copies) = ordered(records);
     let source = RecordSums { base: &base, records: &records };
-    if let Some(older) = records.iter().find(|record| options.prior.is_some() && record.extents.is_empty()) {
-        return Err(RecordError::Older { source_name: older.source.clone(), version: older.library_version.clone() });
+    if let Some(older) =
+        records.iter().find(|record| options.prior.is_some() && record.extents.is_empty())
+    {
+        return Err(RecordError::Older {
+            source_name: older.source.clone(),
+            version: older.library_version.clone(),
+        });
     }
     require_one_arm(options)?;
     let effects = records[0].effects.clone();
-    let (options, processing) = (&IdentifyOptions { effects, ..options.clone() }, &records[0].processing);
+    let (options, processing) =
+        (&IdentifyOptions { effects, ..options.clone() }, &records[0].processing);
     let start = match options.start {
         Start::RobotFile => nominal_parameters(robot, &set),
         Start::Zero => vec![0.0; set.len()],
     };
     let nominal = base.combine(&start);
-    let setup = Setup { robot, options, processing, source: &source, set: &set, base: &base, start: &start, nominal };
+    let setup = Setup {
+        robot,
+        options,
+        processing,
+        source: &source,
+        set: &set,
+        base: &base,
+        start: &start,
+        nominal,
+    };
     let mut model = TorqueModel::from_parameters(robot.clone(), set.clone(), start.clone(), vec![]);
     let outcome = setup.fit(&mut model, &mut Equations::new(robot, &set, &base, vec![]), &())?;
     let mut logs: Vec<String> = records.iter().map(|record| record.source.clone()).collect();
@@ -111,14 +131,24 @@ pub(super) fn place_of(record: &Record) -> Place<'_> {
 }
 
 impl Source for RecordSums<'_> {
-    fn factors(&self, parts: usize, _progress: &dyn Progress) -> Result<SourceFactors, IdentifyError> {
+    fn factors(
+        &self,
+        parts: usize,
+        _progress: &dyn Progress,
+    ) -> Result<SourceFactors, IdentifyError> {
         // A long log is in several records, one after the other.
         let logs: Vec<_> = self.records.chunk_by(|one, next| one.source == next.source).collect();
         let of_log = |records: &&[&Record]| {
-            (records[0].source.clone(), stacked(records.iter().flat_map(|record| factors_of(record))))
+            (
+                records[0].source.clone(),
+                stacked(records.iter().flat_map(|record| factors_of(record))),
+            )
         };
         let several = if logs.len() > 1 { &logs[..] } else { &[] };
-        Ok(SourceFactors { parts: self.consecutive(parts), logs: several.iter().map(of_log).collect() })
+        Ok(SourceFactors {
+            parts: self.consecutive(parts),
+            logs: several.iter().map(of_log).collect(),
+        })
     }
 
     /// Consecutive parts of all logs where a record has too few blocks.
@@ -130,7 +160,11 @@ impl Source for RecordSums<'_> {
         Ok(self.by_part(PARTS, |record, block| piece_of(block, blocks(record), PARTS)))
     }
 
-    fn correlation(&self, model: &TorqueModel, factors: &[JointFactor]) -> Result<Vec<f64>, IdentifyError> {
+    fn correlation(
+        &self,
+        model: &TorqueModel,
+        factors: &[JointFactor],
+    ) -> Result<Vec<f64>, IdentifyError> {
         Ok(correlation(self.records, factors, &self.base.combine(model.parameters())))
     }
 
@@ -155,11 +189,15 @@ pub struct RecordedError {
     pub torque: f64,
 }
 
-/// The error of `model` on the rows of records at which joints move, joint by joint, without the logs.
+/// The error of `model` on the rows of records at which joints move, joint by joint, without the
+/// logs.
 ///
 /// # Errors
 /// If a record is of another robot or lacks an effect of the model.
-pub fn compare_records(model: &TorqueModel, records: &[&Record]) -> Result<Vec<RecordedError>, RecordError> {
+pub fn compare_records(
+    model: &TorqueModel,
+    records: &[&Record],
+) -> Result<Vec<RecordedError>, RecordError> {
     let robot = model.robot();
     let (set, base) = check(robot, records)?;
     let values = base.combine(&parameters_in(model, &set, records[0])?);
@@ -179,7 +217,11 @@ pub fn compare_records(model: &TorqueModel, records: &[&Record]) -> Result<Vec<R
 }
 
 /// The parameters of a model in a set that has more.
-pub(super) fn parameters_in(model: &TorqueModel, set: &ParameterSet, record: &Record) -> Result<Vec<f64>, RecordError> {
+pub(super) fn parameters_in(
+    model: &TorqueModel,
+    set: &ParameterSet,
+    record: &Record,
+) -> Result<Vec<f64>, RecordError> {
     let missing = |parameter: &str| {
         let source_name = record.source.clone();
         RecordError::OtherParameters { parameter: parameter.into(), source_name }
@@ -189,21 +231,34 @@ pub(super) fn parameters_in(model: &TorqueModel, set: &ParameterSet, record: &Re
     }
     let mut parameters = vec![0.0; set.len()];
     for (name, value) in model.parameter_set().names().iter().zip(model.parameters()) {
-        let index = set.names().iter().position(|other| other == name).ok_or_else(|| missing(name))?;
+        let index =
+            set.names().iter().position(|other| other == name).ok_or_else(|| missing(name))?;
         parameters[index] = *value;
     }
     Ok(parameters)
 }
 
 /// Whether records can be summed for this robot, and what their columns mean.
-pub(super) fn check(robot: &Robot, records: &[&Record]) -> Result<(ParameterSet, BaseParameters), RecordError> {
+pub(super) fn check(
+    robot: &Robot,
+    records: &[&Record],
+) -> Result<(ParameterSet, BaseParameters), RecordError> {
     let first = records.first().ok_or(RecordError::NoRecord)?;
     let expected = robot.fingerprint();
     for record in records {
-        let differs = |what| RecordError::Different { first: first.source.clone(), other: record.source.clone(), what };
+        let differs = |what| RecordError::Different {
+            first: first.source.clone(),
+            other: record.source.clone(),
+            what,
+        };
         if record.robot != expected {
             let (source_name, found) = (record.source.clone(), record.robot.clone());
-            return Err(RecordError::OtherRobot { source_name, found, robot: robot.name().into(), expected });
+            return Err(RecordError::OtherRobot {
+                source_name,
+                found,
+                robot: robot.name().into(),
+                expected,
+            });
         }
         if record.effects != first.effects {
             return Err(differs("effects"));
@@ -217,17 +272,32 @@ pub(super) fn check(robot: &Robot, records: &[&Record]) -> Result<(ParameterSet,
     for record in records {
         let columns: Vec<&Vec<usize>> = factors_of(record).map(|factor| &factor.columns).collect();
         let joint = |factor: &JointFactor| factor.joint >= robot.dof();
-        if factors_of(record).any(joint) || columns.iter().any(|own| own.last().is_some_and(|k| *k >= base.rank())) {
-            let message = format!("{}: columns that the equations of `{}` do not have", record.source, robot.name());
+        if factors_of(record).any(joint)
+            || columns.iter().any(|own| own.last().is_some_and(|k| *k >= base.rank()))
+        {
+            let message = format!(
+                "{}: columns that the equations of `{}` do not have",
+                record.source,
+                robot.name()
+            );
             return Err(RecordError::Malformed { message });
         }
         let own_columns = |memory: &RecordMemory| {
             let width = memory.sums.first().map_or(1, Mat::ncols);
-            let same = |factor: &&JointFactor| (factor.joint, factor.resting) == (memory.joint, memory.resting);
-            width == 1 || factors_of(record).find(same).is_some_and(|factor| factor.columns.len() + 1 == width)
+            let same = |factor: &&JointFactor| {
+                (factor.joint, factor.resting) == (memory.joint, memory.resting)
+            };
+            width == 1
+                || factors_of(record)
+                    .find(same)
+                    .is_some_and(|factor| factor.columns.len() + 1 == width)
         };
         if record.center.len() != base.rank() || !record.memory.iter().all(own_columns) {
-            let message = format!("{}: its memory is not that of the equations of `{}`", record.source, robot.name());
+            let message = format!(
+                "{}: its memory is not that of the equations of `{}`",
+                record.source,
+                robot.name()
+            );
             return Err(RecordError::Malformed { message });
         }
     }
@@ -246,7 +316,8 @@ pub fn copies_among(records: &[&Record]) -> Vec<String> {
 /// The records in the order of time, each once, and what is to be said of the copies.
 pub(super) fn ordered<'a>(records: &[&'a Record]) -> (Vec<&'a Record>, Vec<String>) {
     let mut sorted = records.to_vec();
-    sorted.sort_by(|a, b| (a.time, a.identity(), &a.source).cmp(&(b.time, b.identity(), &b.source)));
+    sorted
+        .sort_by(|a, b| (a.time, a.identity(), &a.source).cmp(&(b.time, b.identity(), &b.source)));
     let (mut seen, mut notes) = (BTreeSet::new(), Vec::new());
     sorted.retain(|record| {
         let new = seen.insert(record.identity());
@@ -261,18 +332,29 @@ pub(super) fn ordered<'a>(records: &[&'a Record]) -> (Vec<&'a Record>, Vec<Strin
     (sorted, notes)
 }
 
-/// Per factor: rows that carry as much as one independent row, of the residual that `values` leave in all records.
-pub(super) fn correlation(records: &[&Record], factors: &[JointFactor], values: &[f64]) -> Vec<f64> {
+/// Per factor: rows that carry as much as one independent row, of the residual that `values` leave
+/// in all records.
+pub(super) fn correlation(
+    records: &[&Record],
+    factors: &[JointFactor],
+    values: &[f64],
+) -> Vec<f64> {
     let of_factor = |factor: &JointFactor| {
         let mut products: Vec<(f64, usize)> = Vec::new();
         for record in records {
-            let same = |memory: &&RecordMemory| (memory.joint, memory.resting) == (factor.joint, factor.resting);
+            let same = |memory: &&RecordMemory| {
+                (memory.joint, memory.resting) == (factor.joint, factor.resting)
+            };
             for memory in record.memory.iter().filter(same) {
                 products.resize(products.len().max(memory.sums.len()), (0.0, 0));
-                // The residual is that of the centre less the columns times what the values are off from it.
-                let off = factor.columns.iter().map(|&column| record.center[column] - values[column]);
+                // The residual is that of the centre less the columns times what the values are off
+                // from it.
+                let off =
+                    factor.columns.iter().map(|&column| record.center[column] - values[column]);
                 let mut residual: Vec<f64> = off.chain([1.0]).collect();
-                for (product, (sum, count)) in products.iter_mut().zip(memory.sums.iter().zip(&memory.counts)) {
+                for (product, (sum, count)) in
+                    products.iter_mut().zip(memory.sums.iter().zip(&memory.counts))
+                {
                     residual.drain(..residual.len().saturating_sub(sum.ncols()));
                     *product = (product.0 + quadratic(sum, &residual), product.1 + count);
                 }
@@ -285,6 +367,7 @@ pub(super) fn correlation(records: &[&Record], factors: &[JointFactor], values: 
 
 /// vector' matrix vector.
 fn quadratic(matrix: &Mat<f64>, vector: &[f64]) -> f64 {
-    let column = |j: usize| vector.iter().enumerate().map(|(i, value)| value * matrix[(i, j)]).sum::<f64>();
+    let column =
+        |j: usize| vector.iter().enumerate().map(|(i, value)| value * matrix[(i, j)]).sum::<f64>();
     vector.iter().enumerate().map(|(j, value)| value * column(j)).sum()
 }

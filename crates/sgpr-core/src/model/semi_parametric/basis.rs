@@ -1,5 +1,6 @@
-//! Parameters that enter the torque linearly, estimated together with the processes: explicit basis functions. They are the
-//! base parameters, then the coefficients of the effects that the physics has at single joints.
+//! Parameters that enter the torque linearly, estimated together with the processes: explicit basis
+//! functions. They are the base parameters, then the coefficients of the effects that the physics
+//! has at single joints.
 
 use faer::Mat;
 use sgpr_predict::internal::base_value;
@@ -23,8 +24,8 @@ use crate::spatial::PARAMETERS_PER_LINK;
 pub(super) struct ParameterBasis {
     /// Covariance of the parameters.
     pub covariance: Mat<f64>,
-    /// Rows of their regressor, in the band of the model, at the points of each joint's process; projected on them if they
-    /// are inducing points.
+    /// Rows of their regressor, in the band of the model, at the points of each joint's process;
+    /// projected on them if they are inducing points.
     pub rows: Vec<Option<Mat<f64>>>,
     /// K⁻¹ times these rows, a column per parameter.
     weights: Vec<Vec<Vec<f64>>>,
@@ -42,8 +43,8 @@ impl ParameterBasis {
         Self { weights: weights.collect(), covariance, rows }
     }
 
-    /// Of parameters that were identified before the processes learned what they leave over; none if they have no
-    /// covariance. What logs did not determine at all, and constants, are left out.
+    /// Of parameters that were identified before the processes learned what they leave over; none
+    /// if they have no covariance. What logs did not determine at all, and constants, are left out.
     pub fn of_physics(physics: &TorqueModel) -> Option<Self> {
         let fit = physics.fit.as_ref()?;
         let unknowns = unknowns(physics);
@@ -69,21 +70,26 @@ impl ParameterBasis {
         (0..unknowns * unknowns).map(|k| self.covariance[(k / unknowns, k % unknowns)]).collect()
     }
 
-    /// k(x, X) K⁻¹ W of each joint whose process was estimated together with the parameters, one sample after the other.
+    /// k(x, X) K⁻¹ W of each joint whose process was estimated together with the parameters, one
+    /// sample after the other.
     pub fn explained(&self, joints: &[JointProcess]) -> Vec<Option<GpPredictor>> {
-        let explained = joints.iter().zip(self.weights.iter().zip(&self.rows)).map(|(rest, (weights, rows))| {
-            let gp = rest.gp.as_ref().filter(|_| rows.is_some() && !weights.is_empty())?;
-            let signal = &gp.covariance().signal;
-            Some(GpPredictor::weighing(signal, gp.x(), gp.inputs(), weights, Precision::Double))
-        });
+        let explained = joints.iter().zip(self.weights.iter().zip(&self.rows)).map(
+            |(rest, (weights, rows))| {
+                let gp = rest.gp.as_ref().filter(|_| rows.is_some() && !weights.is_empty())?;
+                let signal = &gp.covariance().signal;
+                Some(GpPredictor::weighing(signal, gp.x(), gp.inputs(), weights, Precision::Double))
+            },
+        );
         explained.collect()
     }
 
-    /// Adds the variance that uncertain parameters bring to the prediction: of r = w - k(x, X) K⁻¹ W (GPML eq. 2.42). Beside
-    /// a process that has learned what these parameters leave over it is that of w, as far as the process does not know.
+    /// Adds the variance that uncertain parameters bring to the prediction: of r = w - k(x, X) K⁻¹
+    /// W (GPML eq. 2.42). Beside a process that has learned what these parameters leave over it is
+    /// that of w, as far as the process does not know.
     ///
     /// - `x`: `[samples, 3 n + 1]`, of the processes
-    /// - `novelty`: `[samples, n]`, what the processes do not know, as a share of what they knew before the logs
+    /// - `novelty`: `[samples, n]`, what the processes do not know, as a share of what they knew
+    ///   before the logs
     /// - `variance`: `[samples, n]`
     pub fn add_variance(
         &self,
@@ -108,9 +114,12 @@ impl ParameterBasis {
             }
             let r = faer::MatRef::from_row_major_slice(&r, r.len() / unknowns, unknowns);
             let spread = r * &self.covariance;
-            let share = |k: usize| if together || joints[joint].gp.is_none() { 1.0 } else { novelty[k * n + joint] };
+            let share = |k: usize| {
+                if together || joints[joint].gp.is_none() { 1.0 } else { novelty[k * n + joint] }
+            };
             for k in 0..r.nrows() {
-                variance[k * n + joint] += share(k) * (spread.row(k) * r.row(k).transpose()).max(0.0);
+                variance[k * n + joint] +=
+                    share(k) * (spread.row(k) * r.row(k).transpose()).max(0.0);
             }
         }
     }
@@ -130,25 +139,39 @@ fn joint_rows(model: &TorqueModel, trajectory: &Trajectory<'_>, joint: usize) ->
     }
     let rigid = model.rigid(trajectory);
     let links = rigid.motion.as_ref();
-    let links = links.map_or(samples, |motion| Samples { q: &motion.q, dq: &motion.dq, ddq: &motion.ddq });
+    let links =
+        links.map_or(samples, |motion| Samples { q: &motion.q, dq: &motion.dq, ddq: &motion.ddq });
     let mut rows = base_rows(model, &rigid.robot, links, samples, joint, width);
     add_term_columns(model, trajectory, &rigid, joint, &mut rows, (rank, width));
     for term in model.terms().iter().filter(|term| term.is_transform()) {
-        term.effect.transmit(term.site, &term.constants, joint, trajectory.rate_hz, &mut rows, width);
+        term.effect.transmit(
+            term.site,
+            &term.constants,
+            joint,
+            trajectory.rate_hz,
+            &mut rows,
+            width,
+        );
     }
-    let limits = model.terms().iter().filter_map(|term| term.effect.limit(term.site, &term.constants, joint));
+    let limits = model
+        .terms()
+        .iter()
+        .filter_map(|term| term.effect.limit(term.site, &term.constants, joint));
     let limit = limits.fold(f64::INFINITY, f64::min);
     if limit.is_finite() {
         // At the limit of the drive no parameter changes the torque.
         let tau = model.predict_trajectory(trajectory);
         let own = tau.iter().skip(joint).step_by(model.robot().dof());
-        rows.chunks_exact_mut(width).zip(own).filter(|(_, tau)| tau.abs() >= limit).for_each(|(row, _)| row.fill(0.0));
+        rows.chunks_exact_mut(width)
+            .zip(own)
+            .filter(|(_, tau)| tau.abs() >= limit)
+            .for_each(|(row, _)| row.fill(0.0));
     }
     rows
 }
 
-/// Rows of the base regressor of a joint, `width` apart: the rigid body along the motion of the links, the effects along
-/// the measured one.
+/// Rows of the base regressor of a joint, `width` apart: the rigid body along the motion of the
+/// links, the effects along the measured one.
 fn base_rows(
     model: &TorqueModel,
     robot: &Robot,
@@ -169,11 +192,16 @@ fn base_rows(
     for (piece, rows) in rows.chunks_mut((PIECE * width).max(1)).enumerate() {
         let (first, count) = (piece * PIECE, rows.len() / width);
         let at = first * n..(first + count) * n;
-        let samples = Samples { q: &links.q[at.clone()], dq: &links.dq[at.clone()], ddq: &links.ddq[at] };
+        let samples =
+            Samples { q: &links.q[at.clone()], dq: &links.dq[at.clone()], ddq: &links.ddq[at] };
         regressor_batch(robot, &mut ws, samples, &mut regressor[..count * n * wide]);
         for (k, row) in rows.chunks_exact_mut(width).enumerate() {
             let at = (first + k) * n..(first + k + 1) * n;
-            let state = JointState { q: &measured.q[at.clone()], dq: &measured.dq[at.clone()], ddq: &measured.ddq[at] };
+            let state = JointState {
+                q: &measured.q[at.clone()],
+                dq: &measured.dq[at.clone()],
+                ddq: &measured.ddq[at],
+            };
             set.effect_row(joint, &state, &mut effects);
             let of_links = &regressor[(k * n + joint) * wide..][..wide];
             for (value, &parameter) in row.iter_mut().zip(base.independent()) {
@@ -205,7 +233,9 @@ fn add_term_columns(
         if reached && !term.coefficients.is_empty() {
             for (offset, column) in term.columns(&context).iter().enumerate() {
                 let values = column.iter().skip(start).step_by(step);
-                rows.chunks_exact_mut(width).zip(values).for_each(|(row, value)| row[at + offset] = *value);
+                rows.chunks_exact_mut(width)
+                    .zip(values)
+                    .for_each(|(row, value)| row[at + offset] = *value);
             }
         }
         at += term.coefficients.len();
@@ -241,14 +271,17 @@ pub(super) fn matrix(
         if let Some(filter) = processing.band_filter(log.motion.rate_hz)? {
             filter.apply(&mut of_log, unknowns)?;
         }
-        for (i, (_, sample)) in rows.source.iter().enumerate().filter(|(_, (source, _))| *source == index) {
+        for (i, (_, sample)) in
+            rows.source.iter().enumerate().filter(|(_, (source, _))| *source == index)
+        {
             (0..unknowns).for_each(|k| matrix[(i, k)] = of_log[sample * unknowns + k]);
         }
     }
     Ok(matrix)
 }
 
-/// Share of a parameter's information that is added, so that directions without any stay where they are.
+/// Share of a parameter's information that is added, so that directions without any stay where they
+/// are.
 const RIDGE: f64 = 1e-9;
 
 /// Solution and covariance of normal equations.
@@ -284,9 +317,14 @@ mod tests {
         let robot = two_link();
         let mut parameters = robot.standard_parameters();
         parameters.extend([0.8, 1.0, 0.5, 0.6]);
-        let model = TorqueModel::with_parameters(&robot, &["viscous_friction", "coulomb_friction"], parameters);
+        let model = TorqueModel::with_parameters(
+            &robot,
+            &["viscous_friction", "coulomb_friction"],
+            parameters,
+        );
         let term = |(name, site, constants, coefficients): &(&str, Site, &[f64], &[f64])| {
-            let mut term = Term::new(by_name(name).expect("of the library"), *site, constants.to_vec());
+            let mut term =
+                Term::new(by_name(name).expect("of the library"), *site, constants.to_vec());
             term.coefficients = coefficients.to_vec();
             term
         };
@@ -297,7 +335,9 @@ mod tests {
     fn rows_are_the_derivatives_of_the_torque_by_the_linear_parameters() {
         let count = 400;
         let wave = |scale: f64, phase: f64| -> Vec<f64> {
-            (0..2 * count).map(|k| scale * (0.05 * f64::from(k / 2) + phase + f64::from(k % 2)).sin()).collect()
+            (0..2 * count)
+                .map(|k| scale * (0.05 * f64::from(k / 2) + phase + f64::from(k % 2)).sin())
+                .collect()
         };
         let (q, dq, ddq) = (wave(0.8, 0.0), wave(1.7, 1.6), wave(3.0, 3.1));
         let time: Vec<f64> = (0..count).map(|k| 0.01 * f64::from(k)).collect();
@@ -327,13 +367,20 @@ mod tests {
                 // The torque is linear but for the limit, which so small a step crosses nowhere.
                 let step = 1e-5;
                 let mut values = values.clone();
-                values.iter_mut().enumerate().filter(|(i, _)| *i == k).for_each(|(_, value)| *value += step);
+                values
+                    .iter_mut()
+                    .enumerate()
+                    .filter(|(i, _)| *i == k)
+                    .for_each(|(_, value)| *value += step);
                 let after = predict(&values, if k == rank { 0.7 + step } else { 0.7 });
                 for sample in 0..count as usize {
                     let quotient = (after[2 * sample + joint] - before[2 * sample + joint]) / step;
                     let row = rows[sample * (rank + 1) + k];
                     largest = largest.max(row.abs());
-                    assert!((row - quotient).abs() < 1e-6 * (1.0 + row.abs()), "{k} {sample}: {row} {quotient}");
+                    assert!(
+                        (row - quotient).abs() < 1e-6 * (1.0 + row.abs()),
+                        "{k} {sample}: {row} {quotient}"
+                    );
                 }
             }
             assert!(largest > 1.0);

@@ -1,6 +1,8 @@
-//! One file per model, in the format of the torque model: a head in JSON, the physics as a file within the file, points and
-//! residuals, or inducing points and what all rows say at them, as little-endian `f64`. The processes are conditioned again when the
-//! file is read; for `sgpr-predict`, which conditions them for a variance only, it has the weights of their means, too.
+//! One file per model, in the format of the torque model: a head in JSON, the physics as a file
+//! within the file, points and residuals, or inducing points and what all rows say at them, as
+//! little-endian `f64`. The processes are conditioned again when the file is read; for
+//! `sgpr-predict`, which conditions them for a variance only, it has the weights of their means,
+//! too.
 
 use std::collections::HashMap;
 use std::path::Path;
@@ -32,7 +34,8 @@ struct Head {
     /// The search was stopped.
     stopped: bool,
     joints: Vec<Joint>,
-    /// Columns of the regressor that the base parameters are: for those who predict and do not analyse the robot.
+    /// Columns of the regressor that the base parameters are: for those who predict and do not
+    /// analyse the robot.
     #[serde(default)]
     independent: Vec<usize>,
 }
@@ -53,7 +56,8 @@ impl SemiParametricModel {
         write(path.as_ref(), &self.to_bytes())
     }
 
-    /// Reads a model. Safe with files from strangers: nothing in them is run, sizes are checked before memory is taken.
+    /// Reads a model. Safe with files from strangers: nothing in them is run, sizes are checked
+    /// before memory is taken.
     ///
     /// # Errors
     /// If the file is no model, damaged, or of a later version.
@@ -65,7 +69,10 @@ impl SemiParametricModel {
     ///
     /// # Errors
     /// As [`SemiParametricModel::load`].
-    pub fn load_with(path: impl AsRef<Path>, effects: &[Arc<dyn Effect>]) -> Result<Self, ModelFileError> {
+    pub fn load_with(
+        path: impl AsRef<Path>,
+        effects: &[Arc<dyn Effect>],
+    ) -> Result<Self, ModelFileError> {
         let path = path.as_ref();
         Self::from_bytes_with(&read_limited(path)?, &path.display().to_string(), effects)
     }
@@ -85,13 +92,16 @@ impl SemiParametricModel {
             joints: self.joints.iter().map(joint).collect(),
             independent: self.physics.base().independent().to_vec(),
         };
-        let encode = |values: &mut dyn Iterator<Item = f64>| values.flat_map(f64::to_le_bytes).collect::<Vec<u8>>();
+        let encode = |values: &mut dyn Iterator<Item = f64>| {
+            values.flat_map(f64::to_le_bytes).collect::<Vec<u8>>()
+        };
         let mut arrays = Vec::new();
         for (joint, rest) in self.joints.iter().enumerate() {
             let Some(gp) = &rest.gp else { continue };
-            let mut push = |name: &str, shape: Vec<usize>, values: &mut dyn Iterator<Item = f64>| {
-                arrays.push((format!("joint_{}.{name}", joint + 1), shape, encode(values)));
-            };
+            let mut push =
+                |name: &str, shape: Vec<usize>, values: &mut dyn Iterator<Item = f64>| {
+                    arrays.push((format!("joint_{}.{name}", joint + 1), shape, encode(values)));
+                };
             let m = gp.len();
             push("x", vec![m, gp.inputs()], &mut gp.x().iter().copied());
             push("weights", vec![m], &mut gp.weighted_kernel().weights.iter().copied());
@@ -99,13 +109,20 @@ impl SemiParametricModel {
                 Process::Exact(gp) => push("residual", vec![m], &mut gp.data().y().iter().copied()),
                 Process::Sparse(Sparse { products, projection, .. }) => {
                     push("projection", vec![m], &mut projection.col_as_slice(0).iter().copied());
-                    let lower = products.col_iter().enumerate().flat_map(|(j, column)| (j..m).map(move |i| column[i]));
+                    let lower = products
+                        .col_iter()
+                        .enumerate()
+                        .flat_map(|(j, column)| (j..m).map(move |i| column[i]));
                     push("products", vec![m * (m + 1) / 2], &mut { lower });
                 }
             }
         }
         if let Some(basis) = &self.basis {
-            let matrices = basis.rows.iter().enumerate().filter_map(|(joint, rows)| Some((joint, rows.as_ref()?)));
+            let matrices = basis
+                .rows
+                .iter()
+                .enumerate()
+                .filter_map(|(joint, rows)| Some((joint, rows.as_ref()?)));
             let named = matrices.map(|(joint, rows)| (format!("joint_{}.basis", joint + 1), rows));
             for (name, matrix) in named.chain([("basis_covariance".into(), &basis.covariance)]) {
                 let (height, width) = (matrix.nrows(), matrix.ncols());
@@ -116,13 +133,19 @@ impl SemiParametricModel {
         let physics = self.physics.to_bytes();
         let identified = self.identified.as_ref().map(TorqueModel::to_bytes);
         let numbers = arrays.iter().map(|(name, shape, bytes)| {
-            (name.as_str(), TensorView::new(Dtype::F64, shape.clone(), bytes).expect("eight bytes per number"))
+            (
+                name.as_str(),
+                TensorView::new(Dtype::F64, shape.clone(), bytes).expect("eight bytes per number"),
+            )
         });
-        let model = |bytes| TensorView::new(Dtype::U8, vec![<[u8]>::len(bytes)], bytes).expect("one byte per byte");
+        let model = |bytes| {
+            TensorView::new(Dtype::U8, vec![<[u8]>::len(bytes)], bytes).expect("one byte per byte")
+        };
         let identified = identified.as_ref().map(|bytes| ("identified", model(bytes)));
         let views = numbers.chain([("physics", model(&physics))]).chain(identified);
         let head = serde_json::to_string(&head).expect("plain data");
-        safetensors::serialize(views, Some(HashMap::from([(HEAD.into(), head)]))).expect("valid tensors")
+        safetensors::serialize(views, Some(HashMap::from([(HEAD.into(), head)])))
+            .expect("valid tensors")
     }
 
     /// A model from a file's content; `origin` names it in messages.
@@ -137,11 +160,18 @@ impl SemiParametricModel {
     ///
     /// # Errors
     /// As [`SemiParametricModel::load`].
-    pub fn from_bytes_with(bytes: &[u8], origin: &str, effects: &[Arc<dyn Effect>]) -> Result<Self, ModelFileError> {
-        let malformed = |message: String| ModelFileError::Malformed { path: origin.into(), message };
+    pub fn from_bytes_with(
+        bytes: &[u8],
+        origin: &str,
+        effects: &[Arc<dyn Effect>],
+    ) -> Result<Self, ModelFileError> {
+        let malformed =
+            |message: String| ModelFileError::Malformed { path: origin.into(), message };
         let (head, tensors) = open(bytes, origin, FORMAT, VERSION)?;
-        let head: Head = serde_json::from_str(&head).map_err(|error| malformed(format!("its head: {error}")))?;
-        let physics = tensors.tensor("physics").map_err(|_| malformed("`physics` is missing".into()))?;
+        let head: Head =
+            serde_json::from_str(&head).map_err(|error| malformed(format!("its head: {error}")))?;
+        let physics =
+            tensors.tensor("physics").map_err(|_| malformed("`physics` is missing".into()))?;
         let physics = TorqueModel::from_bytes_with(physics.data(), origin, effects)?;
         let identified = match tensors.tensor("identified") {
             Ok(bytes) => Some(TorqueModel::from_bytes_with(bytes.data(), origin, effects)?),
@@ -173,9 +203,14 @@ impl SemiParametricModel {
         }
         let compute = Compute::default();
         let mut joints = Vec::with_capacity(n);
-        for (joint, Joint { report, noise_variance, covariance }) in head.joints.into_iter().enumerate() {
+        for (joint, Joint { report, noise_variance, covariance }) in
+            head.joints.into_iter().enumerate()
+        {
             if !(noise_variance >= 0.0 && noise_variance.is_finite()) {
-                return Err(format!("the noise variance of joint {} is {noise_variance}", joint + 1));
+                return Err(format!(
+                    "the noise variance of joint {} is {noise_variance}",
+                    joint + 1
+                ));
             }
             for value in [report.calibration, report.calibration_95] {
                 if !(value > 0.0 && value.is_finite()) {
@@ -194,8 +229,15 @@ impl SemiParametricModel {
                 evidence: EvidenceParts::default(),
             });
         }
-        let mut model =
-            Self { physics, mean: head.mean, joints, basis: None, identified, report: None, stopped: head.stopped };
+        let mut model = Self {
+            physics,
+            mean: head.mean,
+            joints,
+            basis: None,
+            identified,
+            report: None,
+            stopped: head.stopped,
+        };
         if head.mean == Mean::Physics {
             model.basis = ParameterBasis::of_physics(&model.physics);
         }
@@ -203,7 +245,10 @@ impl SemiParametricModel {
             let covariance = matrix(tensors, "basis_covariance", unknowns, unknowns)?;
             let rows = model.joints.iter().enumerate().map(|(joint, rest)| {
                 let gp = rest.gp.as_ref();
-                gp.map(|gp| matrix(tensors, &format!("joint_{}.basis", joint + 1), gp.len(), unknowns)).transpose()
+                gp.map(|gp| {
+                    matrix(tensors, &format!("joint_{}.basis", joint + 1), gp.len(), unknowns)
+                })
+                .transpose()
             });
             let rows = rows.collect::<Result<Vec<_>, String>>()?;
             model.basis = Some(ParameterBasis::new(covariance, rows, &model.joints));
@@ -219,10 +264,13 @@ fn memory_for(tensors: &SafeTensors<'_>, joints: usize) -> u64 {
         let view = tensors.tensor(&format!("joint_{}.{name}", joint + 1)).ok()?;
         Some((view.data().len() / size_of::<f64>()) as u64)
     };
-    let bytes = |points: u64, matrices: u64| points.saturating_mul(points).saturating_mul(8 * matrices);
+    let bytes =
+        |points: u64, matrices: u64| points.saturating_mul(points).saturating_mul(8 * matrices);
     let of_joint = |joint: usize| {
         let sparse = points(joint, "projection").map(|points| bytes(points, 6));
-        sparse.or_else(|| points(joint, "residual").map(|points| bytes(points, 1))).unwrap_or_default()
+        sparse
+            .or_else(|| points(joint, "residual").map(|points| bytes(points, 1)))
+            .unwrap_or_default()
     };
     (0..joints).map(of_joint).fold(0, u64::saturating_add)
 }
@@ -238,23 +286,34 @@ fn process(
     let of_joint = |name: &str| format!("joint_{}.{name}", joint + 1);
     let sparse = tensors.tensor(&of_joint("products")).is_ok();
     let name = of_joint(if sparse { "projection" } else { "residual" });
-    let points = tensors.tensor(&name).map_err(|_| format!("`{name}` is missing"))?.data().len() / size_of::<f64>();
+    let points = tensors.tensor(&name).map_err(|_| format!("`{name}` is missing"))?.data().len()
+        / size_of::<f64>();
     if points > MOST_POINTS {
         return Err(format!("{points} points of joint {} are more than {MOST_POINTS}", joint + 1));
     }
     let x = array(tensors, &of_joint("x"), points * width)?;
     if !sparse {
-        let data = Data::new(x, width, array(tensors, &name, points)?, 1).map_err(|error| error.to_string())?;
-        return GaussianProcess::fit(data, covariance, compute).map(Process::Exact).map_err(|error| error.to_string());
+        let data = Data::new(x, width, array(tensors, &name, points)?, 1)
+            .map_err(|error| error.to_string())?;
+        return GaussianProcess::fit(data, covariance, compute)
+            .map(Process::Exact)
+            .map_err(|error| error.to_string());
     }
     let projection = matrix(tensors, &name, points, 1)?;
     let lower = matrix(tensors, &of_joint("products"), points * (points + 1) / 2, 1)?;
     let column = |j: usize| j * points - j * (j + 1) / 2;
     let products = Mat::from_fn(points, points, |i, j| lower[(column(i.min(j)) + i.max(j), 0)]);
-    Sparse::new(covariance, x, width, products, projection).map(Process::Sparse).map_err(|error| error.to_string())
+    Sparse::new(covariance, x, width, products, projection)
+        .map(Process::Sparse)
+        .map_err(|error| error.to_string())
 }
 
-fn matrix(tensors: &SafeTensors<'_>, name: &str, height: usize, width: usize) -> Result<Mat<f64>, String> {
+fn matrix(
+    tensors: &SafeTensors<'_>,
+    name: &str,
+    height: usize,
+    width: usize,
+) -> Result<Mat<f64>, String> {
     let values = array(tensors, name, height * width)?;
     if values.iter().any(|value| !value.is_finite()) {
         return Err(format!("`{name}` has numbers that are not finite"));

@@ -15,7 +15,9 @@ use super::left_out::left_out;
 use super::process::{Process, ProcessTerms};
 use super::rows::{LeftOutRows, ResidualRows, Unseen};
 use super::shared::{SELECTIONS, fit_shared};
-use super::{Inputs, Mean, SemiParametricError, SemiParametricModel, SemiParametricOptions, identify};
+use super::{
+    Inputs, Mean, SemiParametricError, SemiParametricModel, SemiParametricOptions, identify,
+};
 use crate::gp::{Compute, GaussianProcess, GpError};
 use crate::identification::{Dispersion, Judgement};
 use crate::motion::{Processing, all_stretches};
@@ -26,10 +28,12 @@ use crate::robot::Robot;
 /// A process of more points would be slow to use and could not be read back.
 pub(super) const MOST_POINTS: usize = 20_000;
 
-/// Fits a semi-parametric model: the physics, then a process for each joint, the joints in parallel.
+/// Fits a semi-parametric model: the physics, then a process for each joint, the joints in
+/// parallel.
 ///
-/// `progress` hears of the logs and of every selection of inputs; when it asks to stop after the physics is there, the
-/// processes found so far are the result, and [`SemiParametricModel::stopped`] says so.
+/// `progress` hears of the logs and of every selection of inputs; when it asks to stop after the
+/// physics is there, the processes found so far are the result, and
+/// [`SemiParametricModel::stopped`] says so.
 ///
 /// # Errors
 /// As [`identify`], or if the processes need more memory than allowed.
@@ -51,11 +55,13 @@ pub fn fit_semi_parametric(
     Ok(SemiParametricModel { report, ..learn(physics, &set, options, progress)? })
 }
 
-/// The same on top of physics that is there already, such as the model that a diagnosis has found the effects for:
-/// `physics` predicts with all its effects, hidden states and transforms included, and the processes learn the rest.
+/// The same on top of physics that is there already, such as the model that a diagnosis has found
+/// the effects for: `physics` predicts with all its effects, hidden states and transforms included,
+/// and the processes learn the rest.
 ///
-/// The options of the identification are not used, except for how logs are processed if `physics` was not identified.
-/// `recordings` are best those that `physics` was identified from: what it leaves over there is learned.
+/// The options of the identification are not used, except for how logs are processed if `physics`
+/// was not identified. `recordings` are best those that `physics` was identified from: what it
+/// leaves over there is learned.
 ///
 /// # Errors
 /// As [`fit_semi_parametric`], or if the options ask for no physics.
@@ -72,7 +78,8 @@ pub fn fit_rest(
     let mut physics = physics.clone();
     if physics.processing.is_none() {
         let recordings = select_joints(physics.robot(), recordings).map_err(IdentifyError::from)?;
-        let chosen = Processing::choose(&recordings, &options.identify.conditioning).map_err(IdentifyError::from)?;
+        let chosen = Processing::choose(&recordings, &options.identify.conditioning)
+            .map_err(IdentifyError::from)?;
         physics.processing = Some(chosen.0);
     }
     for recording in recordings {
@@ -88,7 +95,9 @@ fn check(options: &SemiParametricOptions) -> Result<(), SemiParametricError> {
     if !(2..=MOST_POINTS).contains(&options.points) {
         return Err(SemiParametricError::Budget { points: options.points, most: MOST_POINTS });
     }
-    if let Some(inputs) = options.inputs.filter(|inputs| options.shared && !SELECTIONS.contains(inputs)) {
+    if let Some(inputs) =
+        options.inputs.filter(|inputs| options.shared && !SELECTIONS.contains(inputs))
+    {
         return Err(SemiParametricError::NotShared { inputs: inputs.name() });
     }
     Ok(())
@@ -111,7 +120,8 @@ fn learn(
         let predicted = physics.predict_motion(&motion);
         logs.push(LogResidual::new(motion, predicted, &processing)?);
     }
-    let mut rows: Vec<ResidualRows> = (0..robot.dof()).map(|joint| rows_of(&logs, joint, &processing)).collect();
+    let mut rows: Vec<ResidualRows> =
+        (0..robot.dof()).map(|joint| rows_of(&logs, joint, &processing)).collect();
     if options.mean == Mean::Joint {
         for (joint, rows) in rows.iter_mut().enumerate() {
             rows.terms = Some(basis::matrix(&physics, &logs, joint, rows, &processing)?);
@@ -120,7 +130,15 @@ fn learn(
     let unseen = left_out(&physics, &logs, &rows, &processing, options.mean)?;
     let (joints, stopped) = fit_joints(&rows, &unseen, options, progress)?;
     let mean = options.mean;
-    let mut model = SemiParametricModel { physics, mean, joints, basis: None, identified: None, report: None, stopped };
+    let mut model = SemiParametricModel {
+        physics,
+        mean,
+        joints,
+        basis: None,
+        identified: None,
+        report: None,
+        stopped,
+    };
     if options.mean == Mean::Joint {
         let lost = keep_what_gains(&mut model, &rows, &unseen, &options.compute)?;
         let terms = basis::terms(&model.joints, &rows);
@@ -154,7 +172,8 @@ fn nothing(
     let mut model = TorqueModel::with_parameters(robot, &[] as &[&str], parameters)?;
     model.processing = Some(Processing::choose(&recordings, &options.identify.conditioning)?.0);
     model.provenance.history = vec!["no physics".into()];
-    model.provenance.logs = recordings.iter().map(|recording| recording.source().to_string()).collect();
+    model.provenance.logs =
+        recordings.iter().map(|recording| recording.source().to_string()).collect();
     Ok(model)
 }
 
@@ -168,7 +187,9 @@ fn rows_of(logs: &[LogResidual], joint: usize, processing: &Processing) -> Resid
     for (index, log) in logs.iter().enumerate() {
         let (n, time, in_band) = (log.dof(), log.time(), log.in_band(joint));
         let seconds = |k: usize| (time[k] - time[0]) as f64 * 1e-9;
-        for k in (0..time.len()).step_by(processing.decimation).filter(|k| log.counts(k * n + joint)) {
+        for k in
+            (0..time.len()).step_by(processing.decimation).filter(|k| log.counts(k * n + joint))
+        {
             let sample: Range<usize> = k * n..(k + 1) * n;
             for part in [&log.motion.q, &log.motion.dq, &log.motion.ddq] {
                 rows.x.extend_from_slice(&part[sample.clone()]);
@@ -197,7 +218,8 @@ impl Progress for Relay<'_> {
     }
 }
 
-/// The processes, and whether the listener stopped them. Only the calling thread talks to the listener.
+/// The processes, and whether the listener stopped them. Only the calling thread talks to the
+/// listener.
 fn fit_joints(
     rows: &[ResidualRows],
     unseen: &[Unseen],
@@ -209,7 +231,9 @@ fn fit_joints(
     let workers = if options.shared { 1 } else { options.compute.threads.clamp(1, n) };
     let compute = match options.shared {
         true => options.compute,
-        false => Compute::default().with_threads(1).with_memory_limit(options.compute.memory_limit / workers as u64),
+        false => Compute::default()
+            .with_threads(1)
+            .with_memory_limit(options.compute.memory_limit / workers as u64),
     };
     let (stopped, done, next) = (AtomicBool::new(false), AtomicUsize::new(0), AtomicUsize::new(0));
     let work = || {
@@ -218,7 +242,9 @@ fn fit_joints(
         let mut found = Vec::new();
         if options.shared {
             return match fit_shared(rows, unseen, options, &compute, &relay) {
-                Ok(rests) => rests.into_iter().enumerate().map(|(joint, rest)| (joint, Ok(rest))).collect(),
+                Ok(rests) => {
+                    rests.into_iter().enumerate().map(|(joint, rest)| (joint, Ok(rest))).collect()
+                }
                 Err(error) => vec![(0, Err(error))],
             };
         }
@@ -227,7 +253,18 @@ fn fit_joints(
             if joint >= n {
                 return found;
             }
-            found.push((joint, JointProcess::fit(joint, n, &rows[joint], &unseen[joint], options, &compute, &relay)));
+            found.push((
+                joint,
+                JointProcess::fit(
+                    joint,
+                    n,
+                    &rows[joint],
+                    &unseen[joint],
+                    options,
+                    &compute,
+                    &relay,
+                ),
+            ));
         }
     };
     let selections = if options.shared { SELECTIONS.len() } else { Inputs::EVERY.len() };
@@ -250,13 +287,15 @@ fn fit_joints(
     for (joint, rest) in found {
         joints[joint] = Some(rest?);
     }
-    let joints = joints.into_iter().map(|rest| rest.expect("every joint was taken by a worker")).collect();
+    let joints =
+        joints.into_iter().map(|rest| rest.expect("every joint was taken by a worker")).collect();
     Ok((joints, stopped.into_inner()))
 }
 
-/// Leaves joints to the identified physics until all others gain for certain: physics and processes, estimated together
-/// without a part of the logs, predict it better than the identified physics without it. One joint goes at a time, the one
-/// that loses most: as long as its process is there, parameters that it shares with others are wrong for these, too.
+/// Leaves joints to the identified physics until all others gain for certain: physics and
+/// processes, estimated together without a part of the logs, predict it better than the identified
+/// physics without it. One joint goes at a time, the one that loses most: as long as its process is
+/// there, parameters that it shares with others are wrong for these, too.
 ///
 /// Returns whether a joint has lost its process.
 fn keep_what_gains(
@@ -269,11 +308,16 @@ fn keep_what_gains(
     loop {
         let errors = errors_of_parts(model, rows, unseen, compute)?;
         let joints = model.joints.iter().enumerate().filter(|(_, rest)| rest.gp.is_some());
-        let judged = joints.map(|(joint, _)| (joint, judge_together(&errors[joint], &unseen[joint].parts)));
+        let judged =
+            joints.map(|(joint, _)| (joint, judge_together(&errors[joint], &unseen[joint].parts)));
         let uncertain = judged.filter(|(_, judged)| !judged.as_ref().is_some_and(saves));
-        let gain = |judged: &Option<Judgement>| judged.map_or(f64::NEG_INFINITY, |judged| judged.gain);
-        let Some((joint, _)) = uncertain.min_by(|(_, a), (_, b)| gain(a).total_cmp(&gain(b))) else {
-            for (joint, rest) in model.joints.iter_mut().enumerate().filter(|(_, rest)| rest.gp.is_some()) {
+        let gain =
+            |judged: &Option<Judgement>| judged.map_or(f64::NEG_INFINITY, |judged| judged.gain);
+        let Some((joint, _)) = uncertain.min_by(|(_, a), (_, b)| gain(a).total_cmp(&gain(b)))
+        else {
+            for (joint, rest) in
+                model.joints.iter_mut().enumerate().filter(|(_, rest)| rest.gp.is_some())
+            {
                 (rest.report.calibration, rest.report.calibration_95) =
                     calibration(&errors[joint], unseen[joint].parts.len());
             }
@@ -282,12 +326,13 @@ fn keep_what_gains(
         lost = true;
         let Alone { report, mean_square, .. } = Alone::new(&rows[joint], &unseen[joint]);
         let candidates = std::mem::take(&mut model.joints[joint].report.candidates);
-        model.joints[joint] = JointProcess::without(JointReport { candidates, ..report }, mean_square);
+        model.joints[joint] =
+            JointProcess::without(JointReport { candidates, ..report }, mean_square);
     }
 }
 
-/// Parts that were left out, by physics and processes estimated together without them, against the physics alone; none if
-/// nothing was seen beside a part.
+/// Parts that were left out, by physics and processes estimated together without them, against the
+/// physics alone; none if nothing was seen beside a part.
 ///
 /// - `errors`: of [`errors_of_parts`]
 fn judge_together(errors: &[(f64, f64)], left_out: &[LeftOutRows]) -> Option<Judgement> {
@@ -295,8 +340,8 @@ fn judge_together(errors: &[(f64, f64)], left_out: &[LeftOutRows]) -> Option<Jud
     (errors.len() == rows).then(|| judge(errors, left_out))
 }
 
-/// For each joint with a process: error and variance at the rows of parts that were left out in turn, of physics and
-/// processes estimated together without the part.
+/// For each joint with a process: error and variance at the rows of parts that were left out in
+/// turn, of physics and processes estimated together without the part.
 fn errors_of_parts(
     model: &SemiParametricModel,
     rows: &[ResidualRows],
@@ -310,7 +355,10 @@ fn errors_of_parts(
         let mut together = NormalEquations::new(model);
         let mut processes = Vec::with_capacity(rows.len());
         for (joint, rest) in model.joints.iter().enumerate() {
-            let found = rest.gp.as_ref().map(|gp| without_part(gp, rest, &rows[joint], part(joint), index, compute));
+            let found = rest
+                .gp
+                .as_ref()
+                .map(|gp| without_part(gp, rest, &rows[joint], part(joint), index, compute));
             processes.push(match found {
                 Some(found) => found?,
                 None => {
@@ -343,8 +391,8 @@ fn errors_of_parts(
     Ok(errors)
 }
 
-/// The process of a joint that has not seen a part of the logs, and the linear terms as it sees them; none if it has seen
-/// nothing else.
+/// The process of a joint that has not seen a part of the logs, and the linear terms as it sees
+/// them; none if it has seen nothing else.
 fn without_part(
     gp: &Process,
     rest: &JointProcess,
@@ -361,8 +409,10 @@ fn without_part(
                 return Ok(None);
             }
             let points: Vec<usize> = others.iter().map(|&k| rest.points[k]).collect();
-            let terms = ProcessTerms::at_rows(rows.terms.as_ref().expect("with the mean `joint`"), &points);
-            let gp = GaussianProcess::fit(gp.data().select(&others), gp.covariance().clone(), compute)?;
+            let terms =
+                ProcessTerms::at_rows(rows.terms.as_ref().expect("with the mean `joint`"), &points);
+            let gp =
+                GaussianProcess::fit(gp.data().select(&others), gp.covariance().clone(), compute)?;
             Ok(Some((Process::Exact(gp), terms)))
         }
         Process::Sparse(sparse) => {
@@ -390,7 +440,11 @@ struct NormalEquations<'a> {
 impl<'a> NormalEquations<'a> {
     fn new(model: &'a SemiParametricModel) -> Self {
         let unknowns = basis::unknowns(&model.physics);
-        Self { model, information: Mat::zeros(unknowns, unknowns), projection: Mat::zeros(unknowns, 1) }
+        Self {
+            model,
+            information: Mat::zeros(unknowns, unknowns),
+            projection: Mat::zeros(unknowns, 1),
+        }
     }
 
     /// Change of the parameters, a column.
@@ -405,7 +459,8 @@ impl<'a> NormalEquations<'a> {
         self.projection += projection;
     }
 
-    /// Adds rows of a joint without a process: white errors, with the weight of rows that repeat each other.
+    /// Adds rows of a joint without a process: white errors, with the weight of rows that repeat
+    /// each other.
     fn add_rows(&mut self, joint: usize, matrix: &Mat<f64>, residual: &[f64]) {
         let fit = self.model.physics.fit.as_ref();
         let correlation = fit.and_then(|fit| fit.correlation.get(joint)).copied().unwrap_or(1.0);
@@ -417,8 +472,8 @@ impl<'a> NormalEquations<'a> {
     }
 }
 
-/// Generalised least squares: the linear parameters and the processes together, hyperparameters as they are. Without any
-/// process the parameters stay as they were identified.
+/// Generalised least squares: the linear parameters and the processes together, hyperparameters as
+/// they are. Without any process the parameters stay as they were identified.
 ///
 /// Source: GPML eqs. 2.41 and 2.42, without a prior.
 fn estimate_again(
@@ -441,12 +496,14 @@ fn estimate_again(
     }
     let base = model.physics.base.clone();
     let before = base.combine(model.physics.parameters());
-    let values: Vec<f64> = before.iter().zip(&change).map(|(value, change)| value + change).collect();
+    let values: Vec<f64> =
+        before.iter().zip(&change).map(|(value, change)| value + change).collect();
     let parameters = base.expand(&values, model.physics.parameters());
     model.physics.set_parameters(parameters);
     let mut at = rank;
     for term in &mut model.physics.terms {
-        for (value, deviation) in term.coefficients.iter_mut().zip(&mut term.coefficient_deviations) {
+        for (value, deviation) in term.coefficients.iter_mut().zip(&mut term.coefficient_deviations)
+        {
             *value += change[at];
             *deviation = covariance[(at, at)].sqrt();
             at += 1;
@@ -472,7 +529,12 @@ fn estimate_again(
             *gp = gp.without(terms, &change)?;
         }
     }
-    let rows = model.joints.iter().zip(terms).map(|(rest, terms)| rest.gp.is_some().then_some(terms.matrix)).collect();
+    let rows = model
+        .joints
+        .iter()
+        .zip(terms)
+        .map(|(rest, terms)| rest.gp.is_some().then_some(terms.matrix))
+        .collect();
     model.basis = Some(ParameterBasis::new(covariance, rows, &model.joints));
     Ok(())
 }
@@ -481,7 +543,8 @@ fn estimate_again(
 mod tests {
     use super::*;
 
-    /// Eight parts of ten rows at which the physics errs by one, and errors of physics and process at them.
+    /// Eight parts of ten rows at which the physics errs by one, and errors of physics and process
+    /// at them.
     fn judged(errors: [f64; 8]) -> Judgement {
         let part = |index: usize| LeftOutRows {
             part: (10 * index..10 * index + 10).collect(),
@@ -490,7 +553,8 @@ mod tests {
         };
         let mut left_out: Vec<LeftOutRows> = (0..8).map(part).collect();
         // A part in which the joint does not move says nothing.
-        left_out.insert(3, LeftOutRows { part: vec![], residual: vec![-1.0; 80], variance: vec![] });
+        left_out
+            .insert(3, LeftOutRows { part: vec![], residual: vec![-1.0; 80], variance: vec![] });
         let errors: Vec<(f64, f64)> = errors.iter().flat_map(|error| [(*error, 1.0); 10]).collect();
         assert!(judge_together(&errors[1..], &left_out).is_none());
         judge_together(&errors, &left_out).expect("all parts")
@@ -513,7 +577,8 @@ mod tests {
     #[test]
     fn what_is_saved_shows_in_small_errors_and_in_large_ones() {
         // Parts of ten rows at which the physics errs by one nine times and by ten once.
-        let measured: Vec<f64> = (0..80).map(|row| if row % 10 == 9 { 10.0 } else { 1.0 }).collect();
+        let measured: Vec<f64> =
+            (0..80).map(|row| if row % 10 == 9 { 10.0 } else { 1.0 }).collect();
         let part = |index: usize| LeftOutRows {
             part: (10 * index..10 * index + 10).collect(),
             residual: measured.clone(),
@@ -525,7 +590,9 @@ mod tests {
             judge_together(&(0..80).map(of_row).collect::<Vec<_>>(), &left_out).expect("all parts")
         };
         // Of the sizes (9 + 10) a third is gone, the squares (9 + 100) are more by a twentieth.
-        assert!((judged(0.2, 10.7).gain + 5.85 / 109.0).abs() < 1e-12 && !saves(&judged(0.2, 10.7)));
+        assert!(
+            (judged(0.2, 10.7).gain + 5.85 / 109.0).abs() < 1e-12 && !saves(&judged(0.2, 10.7))
+        );
         // A third of the squares is gone, the sizes are more.
         assert!((judged(1.4, 7.0).gain + 0.6 / 19.0).abs() < 1e-12 && !saves(&judged(1.4, 7.0)));
         assert!(saves(&judged(0.8, 8.0)));

@@ -8,7 +8,8 @@ pub enum Inputs {
     OwnVelocity,
     /// Its own position and velocity: friction that depends on position, cogging.
     OwnJoint,
-    /// Its own position, velocity and acceleration: also a rotor that the physics lacks. Only if asked for.
+    /// Its own position, velocity and acceleration: also a rotor that the physics lacks. Only if
+    /// asked for.
     OwnMotion,
     /// All velocities.
     Velocities,
@@ -33,8 +34,14 @@ impl Inputs {
     ];
 
     /// The selections that are tried when none is asked for, smallest first.
-    pub const EVERY: [Self; 6] =
-        [Self::OwnVelocity, Self::OwnJoint, Self::Velocities, Self::Positions, Self::PositionsAndVelocities, Self::All];
+    pub const EVERY: [Self; 6] = [
+        Self::OwnVelocity,
+        Self::OwnJoint,
+        Self::Velocities,
+        Self::Positions,
+        Self::PositionsAndVelocities,
+        Self::All,
+    ];
 
     /// Columns of x = [q, dq, ddq] for a joint of `n`.
     pub fn columns(self, joint: usize, n: usize) -> Vec<usize> {

@@ -27,21 +27,25 @@ use basis::ParameterBasis;
 use joint_process::JointProcess;
 
 use super::compare::{Comparison, compare_by};
-use super::{IdentificationReport, IdentifyError, IdentifyOptions, TorqueModel, Trajectory, identify};
+use super::{
+    IdentificationReport, IdentifyError, IdentifyOptions, TorqueModel, Trajectory, identify,
+};
 use crate::dynamics::Samples;
 use crate::gp::{Compute, GpError, Shape};
 use crate::identification::HALF_INTERVAL_95;
 use crate::motion::Motion;
 use crate::recording::Recording;
 
-/// A torque model and, for every joint, a Gaussian process of what it leaves over (thesis 4-3 and 4-4).
+/// A torque model and, for every joint, a Gaussian process of what it leaves over (thesis 4-3 and
+/// 4-4).
 ///
-/// tau_j = physics_j(q, dq, ddq) + f_j(x) + noise, f_j ~ GP(0, k_j). The process of a joint sees q, dq and ddq, or some
-/// of them. The logs decide which: stretches of them are left out in turn, and only a process that predicts those better
-/// than the physics alone is kept. Far from the data its mean is zero, so that the physics still predicts.
+/// tau_j = physics_j(q, dq, ddq) + f_j(x) + noise, f_j ~ GP(0, k_j). The process of a joint sees q,
+/// dq and ddq, or some of them. The logs decide which: stretches of them are left out in turn, and
+/// only a process that predicts those better than the physics alone is kept. Far from the data its
+/// mean is zero, so that the physics still predicts.
 ///
-/// Samples of a log share their errors with their neighbours in time. Such errors have a kernel of their own, over time,
-/// so that the process does not take them for a function of the motion.
+/// Samples of a log share their errors with their neighbours in time. Such errors have a kernel of
+/// their own, over time, so that the process does not take them for a function of the motion.
 #[derive(Clone, Debug)]
 pub struct SemiParametricModel {
     physics: TorqueModel,
@@ -49,9 +53,11 @@ pub struct SemiParametricModel {
     joints: Vec<JointProcess>,
     /// With [`Mean::Joint`].
     basis: Option<ParameterBasis>,
-    /// With [`Mean::Joint`]: the physics as it was identified, for the joints without a process, if there are some.
+    /// With [`Mean::Joint`]: the physics as it was identified, for the joints without a process, if
+    /// there are some.
     identified: Option<TorqueModel>,
-    /// How the physics was identified; none of physics that was there, and of a model that was read.
+    /// How the physics was identified; none of physics that was there, and of a model that was
+    /// read.
     report: Option<Arc<IdentificationReport>>,
     stopped: bool,
 }
@@ -63,10 +69,12 @@ pub enum Mean {
     /// The identified physics, its parameters as least squares found them (thesis eq. 4-12).
     #[default]
     Physics,
-    /// The physics, its parameters estimated again together with the processes: generalised least squares with their
-    /// covariances. Hyperparameters are searched with the linear parameters unknown: what least squares leaves over lacks
-    /// all that it explained by wrong parameters. A joint at which physics and process together predict parts of the logs
-    /// that were left out no better for certain than the identified physics is left to that, whatever inputs are asked for.
+    /// The physics, its parameters estimated again together with the processes: generalised least
+    /// squares with their covariances. Hyperparameters are searched with the linear parameters
+    /// unknown: what least squares leaves over lacks all that it explained by wrong parameters. A
+    /// joint at which physics and process together predict parts of the logs that were left out no
+    /// better for certain than the identified physics is left to that, whatever inputs are asked
+    /// for.
     Joint,
     /// Nothing: the process alone, for comparison (thesis 4-3).
     Zero,
@@ -77,8 +85,9 @@ pub enum Mean {
 #[setters(prefix = "with_")]
 #[non_exhaustive]
 pub struct SemiParametricOptions {
-    /// How the physics is identified. With [`super::Start::Zero`] the logs hold the feedback torque of a controller with
-    /// an internal model, and the result is its error (case 2 of the thesis, 4-4).
+    /// How the physics is identified. With [`super::Start::Zero`] the logs hold the feedback torque
+    /// of a controller with an internal model, and the result is its error (case 2 of the thesis,
+    /// 4-4).
     pub identify: IdentifyOptions,
     /// What the processes are the rest of.
     pub mean: Mean,
@@ -88,14 +97,17 @@ pub struct SemiParametricOptions {
     pub ard: bool,
     /// What the processes look at; chosen for each joint by stretches left out if `None`.
     pub inputs: Option<Inputs>,
-    /// One kernel for all joints, over the points at which all of them move: the search factors one matrix for all, and a
-    /// predictor reads the points once and computes one kernel. Cheaper, and often less accurate: joints differ.
+    /// One kernel for all joints, over the points at which all of them move: the search factors one
+    /// matrix for all, and a predictor reads the points once and computes one kernel. Cheaper, and
+    /// often less accurate: joints differ.
     pub shared: bool,
-    /// Budget: points of each process. Of more rows the most informative ones are taken, for the search for hyperparameters
-    /// and, unless all rows seen through as many inducing points predict parts left out clearly better, for the process.
+    /// Budget: points of each process. Of more rows the most informative ones are taken, for the
+    /// search for hyperparameters and, unless all rows seen through as many inducing points predict
+    /// parts left out clearly better, for the process.
     pub points: usize,
-    /// Whether more rows than the budget are all seen through inducing points (Titsias 2009), at a cost of their number
-    /// times the square of the budget; if `None`, chosen for each joint by stretches left out, from ten rows per point on.
+    /// Whether more rows than the budget are all seen through inducing points (Titsias 2009), at a
+    /// cost of their number times the square of the budget; if `None`, chosen for each joint by
+    /// stretches left out, from ten rows per point on.
     pub sparse: Option<bool>,
     /// Starts of the search for the hyperparameters.
     pub starts: usize,
@@ -146,7 +158,8 @@ pub enum SemiParametricError {
     },
     /// A kernel that joints share, and inputs that differ from joint to joint.
     #[error(
-        "a kernel that all joints share cannot look at `{inputs}`: choose velocities, positions, positions_and_velocities or all"
+        "a kernel that all joints share cannot look at `{inputs}`: choose velocities, positions, \
+         positions_and_velocities or all"
     )]
     NotShared {
         /// Name of the inputs.
@@ -154,7 +167,8 @@ pub enum SemiParametricError {
     },
     /// Physics to learn the rest of, and a mean that leaves it out.
     #[error(
-        "a mean of zero leaves out the physics that is given: fit to the robot, or choose the mean `physics` or `joint`"
+        "a mean of zero leaves out the physics that is given: fit to the robot, or choose the mean \
+         `physics` or `joint`"
     )]
     PhysicsGiven,
 }
@@ -165,15 +179,16 @@ pub enum SemiParametricError {
 pub struct TorquePrediction {
     /// `[samples, n]`, row-major, N·m (N).
     pub tau: Vec<f64>,
-    /// Standard deviation of a measurement in the band of the model, `[samples, n]`, N·m (N): half the interval of 68 %.
-    /// Empty if not asked for.
+    /// Standard deviation of a measurement in the band of the model, `[samples, n]`, N·m (N): half
+    /// the interval of 68 %. Empty if not asked for.
     pub standard_deviation: Vec<f64>,
-    /// Half the interval of 95 %, `[samples, n]`, N·m (N): 1.96 standard deviations for errors with a normal distribution,
-    /// more where those on parts left out had heavy tails. Empty if the standard deviation was not asked for.
+    /// Half the interval of 95 %, `[samples, n]`, N·m (N): 1.96 standard deviations for errors with
+    /// a normal distribution, more where those on parts left out had heavy tails. Empty if the
+    /// standard deviation was not asked for.
     pub interval_95: Vec<f64>,
-    /// Share of the process's variance that the data have not explained, `[samples, n]`, between 0 at a point of the data
-    /// and 1 far from all; 0 for a joint without a process. Above 0.95 the prediction is that of the physics. Empty if
-    /// the standard deviation was not asked for.
+    /// Share of the process's variance that the data have not explained, `[samples, n]`, between 0
+    /// at a point of the data and 1 far from all; 0 for a joint without a process. Above 0.95 the
+    /// prediction is that of the physics. Empty if the standard deviation was not asked for.
     pub novelty: Vec<f64>,
 }
 
@@ -189,7 +204,8 @@ pub struct Coverage {
     pub percent_68: f64,
     /// Share within the interval of 95 %, percent; 95 if it holds.
     pub percent_95: f64,
-    /// Half the interval of 68 %, mean over the samples, N·m (N): of two that hold the narrower one says more.
+    /// Half the interval of 68 %, mean over the samples, N·m (N): of two that hold the narrower one
+    /// says more.
     pub half_width_68: f64,
     /// Half the interval of 95 %, mean over the samples, N·m (N).
     pub half_width_95: f64,
@@ -201,7 +217,8 @@ impl SemiParametricModel {
         &self.physics
     }
 
-    /// How the physics was identified; none of physics that was given, and of a model that was read.
+    /// How the physics was identified; none of physics that was given, and of a model that was
+    /// read.
     pub fn report(&self) -> Option<&IdentificationReport> {
         self.report.as_deref()
     }
@@ -227,19 +244,30 @@ impl SemiParametricModel {
     /// If there is no such joint.
     pub fn hyperparameters(&self, joint: usize) -> Option<Vec<(String, f64)>> {
         let covariance = self.joints[joint].gp.as_ref()?.covariance();
-        Some(covariance.names().into_iter().zip(covariance.theta().into_iter().map(f64::exp)).collect())
+        Some(
+            covariance
+                .names()
+                .into_iter()
+                .zip(covariance.theta().into_iter().map(f64::exp))
+                .collect(),
+        )
     }
 
     /// Torque of every sample, and how sure it is.
     ///
-    /// Effects of the physics that need time or a sampling rate are left out: see [`Self::predict_trajectory`].
+    /// Effects of the physics that need time or a sampling rate are left out: see
+    /// [`Self::predict_trajectory`].
     ///
     /// # Errors
     /// If a value is not finite.
     ///
     /// # Panics
     /// If the arrays do not hold whole samples.
-    pub fn predict(&self, samples: Samples<'_>, with_deviation: bool) -> Result<TorquePrediction, SemiParametricError> {
+    pub fn predict(
+        &self,
+        samples: Samples<'_>,
+        with_deviation: bool,
+    ) -> Result<TorquePrediction, SemiParametricError> {
         self.predict_trajectory(&Trajectory::of_samples(samples), with_deviation)
     }
 
@@ -277,7 +305,11 @@ impl SemiParametricModel {
         if let Some(identified) = &self.identified {
             let own = of_physics(identified);
             let without = |k: usize| self.joints[k % n].gp.is_none();
-            tau.iter_mut().zip(own).enumerate().filter(|(k, _)| without(*k)).for_each(|(_, (tau, own))| *tau = own);
+            tau.iter_mut()
+                .zip(own)
+                .enumerate()
+                .filter(|(k, _)| without(*k))
+                .for_each(|(_, (tau, own))| *tau = own);
         }
         let mut variance = vec![0.0; if with_deviation { tau.len() } else { 0 }];
         let mut novelty = variance.clone();
@@ -296,19 +328,28 @@ impl SemiParametricModel {
         }
         let mut of_parameters = vec![0.0; variance.len()];
         if let Some(basis) = self.basis.as_ref().filter(|_| with_deviation) {
-            basis.add_variance(&self.physics, &self.joints, trajectory, &x, &novelty, &mut of_parameters);
+            basis.add_variance(
+                &self.physics,
+                &self.joints,
+                trajectory,
+                &x,
+                &novelty,
+                &mut of_parameters,
+            );
         }
-        let half_interval = |of_parameters_alone: f64, factor: fn(&JointReport) -> f64| -> Vec<f64> {
-            let both = variance.iter().zip(&of_parameters).enumerate();
-            let half = |(k, (variance, of_parameters)): (usize, (&f64, &f64))| {
-                let rest = &self.joints[k % n];
-                let scaled = factor(&rest.report).powi(2) * (variance + rest.noise_variance);
-                (scaled + of_parameters_alone.powi(2) * of_parameters).sqrt()
+        let half_interval =
+            |of_parameters_alone: f64, factor: fn(&JointReport) -> f64| -> Vec<f64> {
+                let both = variance.iter().zip(&of_parameters).enumerate();
+                let half = |(k, (variance, of_parameters)): (usize, (&f64, &f64))| {
+                    let rest = &self.joints[k % n];
+                    let scaled = factor(&rest.report).powi(2) * (variance + rest.noise_variance);
+                    (scaled + of_parameters_alone.powi(2) * of_parameters).sqrt()
+                };
+                both.map(half).collect()
             };
-            both.map(half).collect()
-        };
         let standard_deviation = half_interval(1.0, |report| report.calibration);
-        let of_parameters_95 = self.physics.fit.as_ref().map_or(HALF_INTERVAL_95, |fit| fit.half_interval_95);
+        let of_parameters_95 =
+            self.physics.fit.as_ref().map_or(HALF_INTERVAL_95, |fit| fit.half_interval_95);
         let interval_95 = half_interval(of_parameters_95, |report| report.calibration_95);
         Ok(TorquePrediction { tau, standard_deviation, interval_95, novelty })
     }
@@ -341,7 +382,8 @@ impl SemiParametricModel {
         Ok((comparison, predictions.into_inner()))
     }
 
-    /// Share of the variance of the torque that is explained on recordings, the mean over joints; at most one.
+    /// Share of the variance of the torque that is explained on recordings, the mean over joints;
+    /// at most one.
     ///
     /// # Errors
     /// As [`SemiParametricModel::compare`].
@@ -350,16 +392,21 @@ impl SemiParametricModel {
         Ok(joints.iter().map(|joint| joint.r2).sum::<f64>() / joints.len() as f64)
     }
 
-    /// How many of the measurements of recordings fall within their predicted intervals, in the band of the model, over
-    /// the samples at which a joint moves.
+    /// How many of the measurements of recordings fall within their predicted intervals, in the
+    /// band of the model, over the samples at which a joint moves.
     ///
-    /// - `following`: whether the intervals follow the errors of the samples before ([`FollowingIntervals`]), from log to
-    ///   log, rather than stay as they are predicted from the motion alone. An error enters when it is past the reach of
-    ///   the filters, one period of the band later.
+    /// - `following`: whether the intervals follow the errors of the samples before
+    ///   ([`FollowingIntervals`]), from log to log, rather than stay as they are predicted from the
+    ///   motion alone. An error enters when it is past the reach of the filters, one period of the
+    ///   band later.
     ///
     /// # Errors
     /// As [`SemiParametricModel::compare`].
-    pub fn coverage(&self, recordings: &[Recording], following: bool) -> Result<Vec<Coverage>, SemiParametricError> {
+    pub fn coverage(
+        &self,
+        recordings: &[Recording],
+        following: bool,
+    ) -> Result<Vec<Coverage>, SemiParametricError> {
         let n = self.physics.robot().dof();
         let (comparison, predictions) = self.compare_with_spread(recordings)?;
         let processing = self.physics.processing().expect("set with the model");
@@ -371,8 +418,10 @@ impl SemiParametricModel {
                 let rate_hz = log.motion.rate_hz;
                 let followed = followed.get_or_insert_with(|| FollowingIntervals::new(rate_hz));
                 let late = (rate_hz / band_hz).ceil() as usize;
-                let counted: Vec<usize> =
-                    (0..log.motion.len()).map(|sample| sample * n + joint).filter(|&k| log.counts(k)).collect();
+                let counted: Vec<usize> = (0..log.motion.len())
+                    .map(|sample| sample * n + joint)
+                    .filter(|&k| log.counts(k))
+                    .collect();
                 let in_band = log.in_band(joint);
                 let error = |k: usize| in_band.residual(k / n);
                 let half = |k: usize| [prediction.standard_deviation[k], prediction.interval_95[k]];
@@ -402,7 +451,10 @@ impl SemiParametricModel {
             }
         };
         let names = self.physics.robot().joint_names();
-        Ok(names.enumerate().map(|(joint, name)| Coverage { joint: name.into(), ..coverage_of(joint) }).collect())
+        Ok(names
+            .enumerate()
+            .map(|(joint, name)| Coverage { joint: name.into(), ..coverage_of(joint) })
+            .collect())
     }
 }
 

@@ -7,10 +7,9 @@ use super::{SemiParametricError, SemiParametricModel};
 use crate::gp::PredictorOptions;
 
 impl SemiParametricModel {
-    /// Torque of one sample after the other, for a controller: physics and processes, which hold what the physics
-    /// leaves of the logs,
-    /// whatever it is a property of. Joints whose processes have the same points are computed together; so is a kernel
-    /// that they share.
+    /// Torque of one sample after the other, for a controller: physics and processes, which hold
+    /// what the physics leaves of the logs, whatever it is a property of. Joints whose processes
+    /// have the same points are computed together; so is a kernel that they share.
     ///
     /// Source: thesis eqs. 4-17 and 4-21, the feed-forward torque.
     ///
@@ -23,7 +22,8 @@ impl SemiParametricModel {
         options: PredictorOptions,
         stream: &StreamOptions,
     ) -> Result<Predictor, SemiParametricError> {
-        let sums: Vec<_> = self.joints.iter().map(|rest| rest.gp.as_ref().map(Process::weighted_kernel)).collect();
+        let sums: Vec<_> =
+            self.joints.iter().map(|rest| rest.gp.as_ref().map(Process::weighted_kernel)).collect();
         let together = together(&sums, options.precision);
         let with_variance = options.variance_rank != Some(0);
         let mut joints = Vec::with_capacity(self.joints.len());
@@ -43,8 +43,15 @@ impl SemiParametricModel {
             covariance: basis.covariance_by_rows(),
             explained: basis.explained(&self.joints),
         });
-        let identified = self.identified.as_ref().map(|identified| identified.predictor(stream)).transpose()?;
-        let rest = RestPredictor::new(&StreamedModel::from(&self.physics), joints, together, basis, with_variance);
+        let identified =
+            self.identified.as_ref().map(|identified| identified.predictor(stream)).transpose()?;
+        let rest = RestPredictor::new(
+            &StreamedModel::from(&self.physics),
+            joints,
+            together,
+            basis,
+            with_variance,
+        );
         Ok(self.physics.predictor(stream)?.with_rest(rest, identified))
     }
 }

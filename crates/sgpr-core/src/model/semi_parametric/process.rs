@@ -2,11 +2,12 @@ use faer::Mat;
 
 use super::rows::{LeftOutRows, ResidualRows};
 use crate::gp::{
-    Compute, Covariance, Evidence, GaussianProcess, GpError, GpPredictor, InducedProcess, Prediction, PredictorOptions,
-    WeightedKernel,
+    Compute, Covariance, Evidence, GaussianProcess, GpError, GpPredictor, InducedProcess,
+    Prediction, PredictorOptions, WeightedKernel,
 };
 
-/// The process of one joint. Its mean is k(x, X) times weights; these solve a linear system for what it has seen.
+/// The process of one joint. Its mean is k(x, X) times weights; these solve a linear system for
+/// what it has seen.
 #[derive(Clone, Debug)]
 pub(super) enum Process {
     /// What is seen are the rows at the points X.
@@ -37,7 +38,10 @@ impl ProcessTerms {
     ///
     /// - `all`: `[rows, unknowns]`
     pub fn at_rows(all: &Mat<f64>, rows: &[usize]) -> Self {
-        Self { matrix: Mat::from_fn(rows.len(), all.ncols(), |i, k| all[(rows[i], k)]), of_rows: None }
+        Self {
+            matrix: Mat::from_fn(rows.len(), all.ncols(), |i, k| all[(rows[i], k)]),
+            of_rows: None,
+        }
     }
 }
 
@@ -53,7 +57,8 @@ impl Sparse {
     ) -> Result<Self, GpError> {
         // On one thread, so that a model read from a file has the same bits.
         let compute = Compute::default().with_threads(1);
-        let process = InducedProcess::new(covariance, inducing, inputs, &products, &projection, &compute)?;
+        let process =
+            InducedProcess::new(covariance, inducing, inputs, &products, &projection, &compute)?;
         Ok(Self { process, products, projection })
     }
 
@@ -67,7 +72,8 @@ impl Sparse {
     }
 
     fn with(&self, products: Mat<f64>, projection: Mat<f64>) -> Result<Self, GpError> {
-        let (covariance, inducing) = (self.process.covariance().clone(), self.process.inducing().to_vec());
+        let (covariance, inducing) =
+            (self.process.covariance().clone(), self.process.inducing().to_vec());
         Self::new(covariance, inducing, self.process.inputs(), products, projection)
     }
 }
@@ -110,21 +116,30 @@ impl Process {
         }
     }
 
-    /// Error and variance at the rows of a part that neither the process nor the physics has seen, N·m (N) and its square. What
-    /// uncertain parameters of the physics bring counts as far as the process does not know.
+    /// Error and variance at the rows of a part that neither the process nor the physics has seen,
+    /// N·m (N) and its square. What uncertain parameters of the physics bring counts as far as the
+    /// process does not know.
     ///
     /// # Errors
     /// As [`GaussianProcess::predict`].
-    pub fn errors(&self, rows: &ResidualRows, left_out: &LeftOutRows) -> Result<Vec<(f64, f64)>, GpError> {
+    pub fn errors(
+        &self,
+        rows: &ResidualRows,
+        left_out: &LeftOutRows,
+    ) -> Result<Vec<(f64, f64)>, GpError> {
         let predicted = self.predict(&rows.at(&left_out.part, self.inputs()), true)?;
-        let (noise, prior) = (self.covariance().total_noise_variance(), self.covariance().signal.variance());
+        let (noise, prior) =
+            (self.covariance().total_noise_variance(), self.covariance().signal.variance());
         let predictions = predicted.mean.iter().zip(&predicted.variance).zip(&left_out.variance);
-        let total = |variance: &f64, of_parameters: &f64| variance + noise + variance / prior * of_parameters;
+        let total = |variance: &f64, of_parameters: &f64| {
+            variance + noise + variance / prior * of_parameters
+        };
         let errors = left_out.measured().zip(predictions);
         Ok(errors.map(|(y, ((mean, own), more))| (y - mean, total(own, more))).collect())
     }
 
-    /// Weights of what has been seen of other outputs, such as that of linear terms, `[points, ...]`.
+    /// Weights of what has been seen of other outputs, such as that of linear terms,
+    /// `[points, ...]`.
     pub fn solve(&self, seen: &Mat<f64>) -> Mat<f64> {
         match self {
             Self::Exact(gp) => gp.solve(seen),
@@ -159,7 +174,8 @@ impl Process {
         }
     }
 
-    /// Normal equations of linear terms beside the process: Hᵀ K⁻¹ H and Hᵀ K⁻¹ y, K the covariance of what it has seen.
+    /// Normal equations of linear terms beside the process: Hᵀ K⁻¹ H and Hᵀ K⁻¹ y, K the covariance
+    /// of what it has seen.
     pub fn normal_equations(&self, terms: &ProcessTerms) -> (Mat<f64>, Mat<f64>) {
         let solved = self.solve(&terms.matrix);
         let information = terms.matrix.transpose() * &solved;

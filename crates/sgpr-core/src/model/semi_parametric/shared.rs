@@ -1,8 +1,11 @@
-//! One kernel for all joints: what they leave over is learned together, over the points at which all of them move.
+//! One kernel for all joints: what they leave over is learned together, over the points at which
+//! all of them move.
 
 use std::cell::OnceCell;
 
-use super::joint_process::{Alone, FEWEST, FoundProcess, JointProcess, Learned, inducing_points, process};
+use super::joint_process::{
+    Alone, FEWEST, FoundProcess, JointProcess, Learned, inducing_points, process,
+};
 use super::rows::{ResidualRows, Unseen, longest_memory};
 use super::{Inputs, SemiParametricOptions};
 use crate::gp::{Compute, Data, GaussianProcess, GpError, Kernel};
@@ -12,9 +15,10 @@ use crate::progress::Progress;
 pub(super) const SELECTIONS: [Inputs; 4] =
     [Inputs::Velocities, Inputs::Positions, Inputs::PositionsAndVelocities, Inputs::All];
 
-/// The processes of all joints. The residuals, each in units of its own root mean square, are outputs of one process: the
-/// search factors one matrix for all of them. Each joint then gets its process, over the same points and with the same
-/// kernel in its own units, if that predicts parts left out better than the physics alone.
+/// The processes of all joints. The residuals, each in units of its own root mean square, are
+/// outputs of one process: the search factors one matrix for all of them. Each joint then gets its
+/// process, over the same points and with the same kernel in its own units, if that predicts parts
+/// left out better than the physics alone.
 pub(super) fn fit_shared(
     rows: &[ResidualRows],
     unseen: &[Unseen],
@@ -24,11 +28,15 @@ pub(super) fn fit_shared(
 ) -> Result<Vec<JointProcess>, GpError> {
     let n = rows.len();
     let width = 3 * n + 1;
-    let mut alone: Vec<Alone> = rows.iter().zip(unseen).map(|(rows, unseen)| Alone::new(rows, unseen)).collect();
+    let mut alone: Vec<Alone> =
+        rows.iter().zip(unseen).map(|(rows, unseen)| Alone::new(rows, unseen)).collect();
     let places = common(rows);
     let scales: Vec<f64> = alone.iter().map(|alone| alone.mean_square.sqrt()).collect();
     if places.len() < FEWEST || scales.contains(&0.0) {
-        return Ok(alone.into_iter().map(|alone| JointProcess::without(alone.report, alone.mean_square)).collect());
+        return Ok(alone
+            .into_iter()
+            .map(|alone| JointProcess::without(alone.report, alone.mean_square))
+            .collect());
     }
     let first = |place: &Vec<usize>| place[0] * width..(place[0] + 1) * width;
     let x: Vec<f64> = places.iter().flat_map(|place| &rows[0].x[first(place)]).copied().collect();
@@ -37,8 +45,11 @@ pub(super) fn fit_shared(
     };
     let data = Data::new(x, width, places.iter().flat_map(in_units).collect(), n)?;
 
-    let longest_memory =
-        rows.iter().zip(unseen).map(|(rows, unseen)| longest_memory(rows, &unseen.parts)).fold(f64::INFINITY, f64::min);
+    let longest_memory = rows
+        .iter()
+        .zip(unseen)
+        .map(|(rows, unseen)| longest_memory(rows, &unseen.parts))
+        .fold(f64::INFINITY, f64::min);
     let mut best: Option<(f64, Vec<Learned>)> = None;
     let selections = options.inputs.map_or_else(|| SELECTIONS.to_vec(), |inputs| vec![inputs]);
     for inputs in selections {
@@ -48,7 +59,8 @@ pub(super) fn fit_shared(
                 return chosen(alone, best, rows, unseen, options, compute);
             }
         }
-        let found = process(inputs.columns(0, n), &data, None, longest_memory, options, compute, progress)?;
+        let found =
+            process(inputs.columns(0, n), &data, None, longest_memory, options, compute, progress)?;
         let learned = of_joints(&found, inputs, &places, &scales, rows, unseen, compute)?;
         let mut sum = 0.0;
         for (alone, learned) in alone.iter_mut().zip(&learned) {
@@ -106,7 +118,10 @@ fn chosen(
     compute: &Compute,
 ) -> Result<Vec<JointProcess>, GpError> {
     let Some((_, learned)) = best else {
-        return Ok(alone.into_iter().map(|alone| JointProcess::without(alone.report, alone.mean_square)).collect());
+        return Ok(alone
+            .into_iter()
+            .map(|alone| JointProcess::without(alone.report, alone.mean_square))
+            .collect());
     };
     let joints = alone.into_iter().zip(learned).zip(rows.iter().zip(unseen));
     let joints = joints.map(|((alone, learned), (rows, unseen))| {
@@ -121,7 +136,9 @@ fn chosen(
 
 /// The samples that are rows of every joint: for each the row of each joint.
 fn common(rows: &[ResidualRows]) -> Vec<Vec<usize>> {
-    let row_of = |rows: &ResidualRows, source: &(usize, usize)| rows.source.binary_search(source).ok();
-    let place = |source| rows.iter().map(|rows| row_of(rows, source)).collect::<Option<Vec<usize>>>();
+    let row_of =
+        |rows: &ResidualRows, source: &(usize, usize)| rows.source.binary_search(source).ok();
+    let place =
+        |source| rows.iter().map(|rows| row_of(rows, source)).collect::<Option<Vec<usize>>>();
     rows[0].source.iter().filter_map(place).collect()
 }

@@ -1,4 +1,5 @@
-//! Recursions over one sample, compiled for the machine: with its fused instructions where the feature `simd` is on.
+//! Recursions over one sample, compiled for the machine: with its fused instructions where the
+//! feature `simd` is on.
 
 #[cfg(not(feature = "simd"))]
 mod plain;
@@ -22,7 +23,12 @@ pub(super) struct Positions<'a> {
 
 /// Runs an algorithm with the joint positions set, and their sines and cosines.
 #[inline(always)]
-fn run_on<T: LoneNumber>(robot: &Robot, scratch: &mut Scratch<T>, at: &Positions<'_>, algorithm: impl OnOneSample) {
+fn run_on<T: LoneNumber>(
+    robot: &Robot,
+    scratch: &mut Scratch<T>,
+    at: &Positions<'_>,
+    algorithm: impl OnOneSample,
+) {
     for (k, body) in scratch.bodies.iter_mut().enumerate() {
         body.q = T::splat((), at.q[k]);
         body.sin = T::splat((), at.sin[k]);

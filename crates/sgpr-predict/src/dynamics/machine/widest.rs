@@ -25,8 +25,8 @@ impl Machine {
     }
 }
 
-/// One sample has no use for registers of eight: with them the compiler packs unrelated numbers together, and the
-/// recursions took 1.2 to 1.5 times as long on an AVX-512 machine.
+/// One sample has no use for registers of eight: with them the compiler packs unrelated numbers
+/// together, and the recursions took 1.2 to 1.5 times as long on an AVX-512 machine.
 fn arch_for_one_sample() -> Arch {
     match Arch::new() {
         #[cfg(target_arch = "x86_64")]
@@ -61,8 +61,10 @@ struct Run<'a, A> {
 impl<A: OnOneSample> Run<'_, A> {
     #[inline(always)]
     fn with_scalar<T: LoneNumber>(self) {
-        let scratch =
-            self.scratch.downcast_mut::<Scratch<T>>().expect("made in `Machine::new` for the same instruction set");
+        let scratch = self
+            .scratch
+            .downcast_mut::<Scratch<T>>()
+            .expect("made in `Machine::new` for the same instruction set");
         run_on(self.robot, scratch, &self.at, self.algorithm);
     }
 }

@@ -26,10 +26,14 @@ impl Grid {
     pub fn of(x: &[f64], inputs: usize) -> Self {
         let range = |input: usize| {
             let column = x.iter().skip(input).step_by(inputs);
-            column.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(*x), high.max(*x)))
+            column.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| {
+                (low.min(*x), high.max(*x))
+            })
         };
         let ranges: Vec<(f64, f64)> = (0..inputs).map(range).collect();
-        let step = |(low, high): &(f64, f64)| if high > low { (high - low) / (2.0 * LARGEST) } else { NO_RANGE };
+        let step = |(low, high): &(f64, f64)| {
+            if high > low { (high - low) / (2.0 * LARGEST) } else { NO_RANGE }
+        };
         Self {
             middle: ranges.iter().map(|(low, high)| 0.5 * (low + high)).collect(),
             step: ranges.iter().map(step).collect(),
@@ -73,7 +77,8 @@ struct GridLeaf<T> {
     query: Digits,
 }
 
-/// Coordinates of a query, each times that of a step: the first digit times its unit plus the second times its own.
+/// Coordinates of a query, each times that of a step: the first digit times its unit plus the
+/// second times its own.
 #[derive(Clone, Debug)]
 struct Digits {
     /// Of two columns in one word, `[pairs]`.
@@ -84,10 +89,12 @@ struct Digits {
 }
 
 impl<T: Element> GridPoints<T> {
-    /// The points `x` in the coordinates of `plan`, which is centred on the grid; none if an input is periodic.
+    /// The points `x` in the coordinates of `plan`, which is centred on the grid; none if an input
+    /// is periodic.
     pub fn new(plan: &Plan, grid: &Grid, x: &[f64], inputs: usize) -> Option<Self> {
         let columns = plan.straight_columns()?;
-        let leaf = |range: Range<usize>| GridLeaf::new(&columns[range.clone()], range, grid, x, inputs);
+        let leaf =
+            |range: Range<usize>| GridLeaf::new(&columns[range.clone()], range, grid, x, inputs);
         Some(Self { leaves: plan.leaf_columns().map(leaf).collect() })
     }
 
@@ -102,18 +109,31 @@ impl<T: Element> GridPoints<T> {
 
 impl<T: Element> GridLeaf<T> {
     /// - `inputs_and_factors`: of the columns
-    fn new(inputs_and_factors: &[(usize, f64)], columns: Range<usize>, grid: &Grid, x: &[f64], inputs: usize) -> Self {
+    fn new(
+        inputs_and_factors: &[(usize, f64)],
+        columns: Range<usize>,
+        grid: &Grid,
+        x: &[f64],
+        inputs: usize,
+    ) -> Self {
         let pairs = columns.len().div_ceil(2);
-        let scales: Vec<f64> = inputs_and_factors.iter().map(|(input, factor)| grid.step[*input] * factor).collect();
+        let scales: Vec<f64> =
+            inputs_and_factors.iter().map(|(input, factor)| grid.step[*input] * factor).collect();
         let padded = (x.len() / inputs).next_multiple_of(PADDED);
         let (mut steps, mut norms) = (vec![0; padded * pairs], vec![T::default(); padded]);
         for (k, point) in x.chunks_exact(inputs).enumerate() {
-            let own: Vec<f64> = inputs_and_factors.iter().map(|(input, _)| grid.steps(*input, point[*input])).collect();
-            norms[k] = T::from_f64(own.iter().zip(&scales).map(|(steps, scale)| (steps * scale).powi(2)).sum());
+            let own: Vec<f64> = inputs_and_factors
+                .iter()
+                .map(|(input, _)| grid.steps(*input, point[*input]))
+                .collect();
+            norms[k] = T::from_f64(
+                own.iter().zip(&scales).map(|(steps, scale)| (steps * scale).powi(2)).sum(),
+            );
             let size = group::<T>();
             let group = &mut steps[k / size * pairs * size..];
             for (p, two) in own.chunks(2).enumerate() {
-                group[p * size + k % size] = pair([two[0] as i16, two.get(1).map_or(0, |steps| *steps as i16)]);
+                group[p * size + k % size] =
+                    pair([two[0] as i16, two.get(1).map_or(0, |steps| *steps as i16)]);
             }
         }
         let query = Digits { words: vec![[0; 2]; pairs], units: [0.0; 2], norm: 0.0 };
@@ -122,13 +142,14 @@ impl<T: Element> GridLeaf<T> {
 }
 
 impl Digits {
-    /// Rounds the products of the query with a step to what their digits say, by less than a billionth of the sum of their sizes
-    /// over as many as 18 columns.
+    /// Rounds the products of the query with a step to what their digits say, by less than a
+    /// billionth of the sum of their sizes over as many as 18 columns.
     #[inline(always)]
     fn set<T: Element>(&mut self, scales: &[f64], query: &[T]) {
         let product = |k: usize| query[k].to_f64() * scales[k];
         let sizes = (0..scales.len()).map(|k| product(k).abs());
-        let (total, largest) = sizes.fold((0.0, 0.0), |(sum, max), size| (sum + size, f64::max(max, size)));
+        let (total, largest) =
+            sizes.fold((0.0, 0.0), |(sum, max), size| (sum + size, f64::max(max, size)));
         let unit = (total / LARGEST_SUM).max(largest / LARGEST).max(f64::MIN_POSITIVE);
         let reciprocal = 1.0 / unit;
         let parts = (LARGEST_SUM / (2 * self.words.len()) as f64).min(LARGEST);
@@ -143,7 +164,8 @@ impl Digits {
                 let first = exact.round_ties_even();
                 let second = ((exact - first) * parts).round_ties_even();
                 (digits[0][column], digits[1][column]) = (first as i16, second as i16);
-                // Corrects the error of the product for points close to the query, or on the side of it if it is outside.
+                // Corrects the error of the product for points close to the query, or on the side
+                // of it if it is outside.
                 let (c, error) = (query[k].to_f64(), unit * (first + second * part - exact));
                 self.norm += c * c + 2.0 * (c / scales[k]).clamp(-LARGEST, LARGEST) * error;
             }
@@ -154,7 +176,13 @@ impl Digits {
 
 impl<T: Element> Points<T> for GridPoints<T> {
     #[inline(always)]
-    fn squares_at<S: Simd>(&self, simd: S, leaf: usize, start: usize, _: &[T]) -> [T::Register<S>; REGISTERS] {
+    fn squares_at<S: Simd>(
+        &self,
+        simd: S,
+        leaf: usize,
+        start: usize,
+        _: &[T],
+    ) -> [T::Register<S>; REGISTERS] {
         // Of numbers of 64 bits a block has fewer than of 32 bits.
         if size_of::<T::Register<S>>() / size_of::<T>() == S::U32_LANES {
             self.leaves[leaf].squares_at::<S, REGISTERS>(simd, start)
@@ -167,7 +195,11 @@ impl<T: Element> Points<T> for GridPoints<T> {
 impl<T: Element> GridLeaf<T> {
     /// - `COUNT`: registers of 32 bits in a block
     #[inline(always)]
-    fn squares_at<S: Simd, const COUNT: usize>(&self, simd: S, start: usize) -> [T::Register<S>; REGISTERS] {
+    fn squares_at<S: Simd, const COUNT: usize>(
+        &self,
+        simd: S,
+        start: usize,
+    ) -> [T::Register<S>; REGISTERS] {
         let size = group::<T>();
         let height = self.query.words.len() * size;
         let group = &self.steps[start / size * height..][..height];
@@ -179,7 +211,8 @@ impl<T: Element> GridLeaf<T> {
     }
 }
 
-/// Sums over columns of steps times each digit of the query, for so many registers of a group of `size` points from `start` on.
+/// Sums over columns of steps times each digit of the query, for so many registers of a group of
+/// `size` points from `start` on.
 #[inline(always)]
 fn products<S: Simd, const COUNT: usize>(
     simd: S,
@@ -227,8 +260,9 @@ mod tests {
     fn largest_error<T: Element>() -> f64 {
         const COUNT: usize = 300;
         let wave = |k: usize, m: usize| (0.37 * k as f64 * (1.0 + m as f64) + m as f64).sin();
-        let x: Vec<f64> =
-            (0..COUNT).flat_map(|k| [5.0 * wave(k, 0) + 7.0, 0.1 * wave(k, 1), wave(k, 2), 3.0]).collect();
+        let x: Vec<f64> = (0..COUNT)
+            .flat_map(|k| [5.0 * wave(k, 0) + 7.0, 0.1 * wave(k, 1), wave(k, 2), 3.0])
+            .collect();
         let wide = Kernel::ard(Shape::SquaredExponential, &[2.0, 0.03, 1.5]).on(&[0, 1, 2]);
         let narrow = Kernel::isotropic(Shape::Matern52, 2, 0.5).on(&[2, 3]);
         let grid = Grid::of(&x, 4);
@@ -244,9 +278,14 @@ mod tests {
                 let fast = Arch::new().dispatch(Distances(&points, leaf, COUNT));
                 for (k, point) in x.chunks_exact(4).enumerate() {
                     let (mut square, mut of_point, mut of_query): (f64, f64, f64) = (0.0, 0.0, 0.0);
-                    for (input, factor) in &plan.straight_columns().expect("no circle")[columns.clone()] {
+                    for (input, factor) in
+                        &plan.straight_columns().expect("no circle")[columns.clone()]
+                    {
                         let from_middle = |x: f64| factor * (x - grid.middle()[*input]);
-                        let (x, c) = (from_middle(grid.nearest(*input, point[*input])), from_middle(query[*input]));
+                        let (x, c) = (
+                            from_middle(grid.nearest(*input, point[*input])),
+                            from_middle(query[*input]),
+                        );
                         square += (x - c).powi(2);
                         of_point += x * x;
                         of_query += c * c;

@@ -21,8 +21,8 @@ pub const fn group<T>() -> usize {
     REGISTERS * 64 / size_of::<T>()
 }
 
-/// sum of weights * shape of the distance, for the points from `start` on, of a kernel with one leaf: what is computed of a
-/// point never leaves the registers.
+/// sum of weights * shape of the distance, for the points from `start` on, of a kernel with one
+/// leaf: what is computed of a point never leaves the registers.
 ///
 /// - `weights`: one per point, whole groups
 #[inline(always)]
@@ -69,7 +69,12 @@ impl<T: Element> GroupedPoints<T> {
     /// The points `x`, `[points, inputs]` row-major, in the coordinates of `plan`.
     pub fn new(plan: &Plan, x: &[f64], inputs: usize) -> Self {
         let features = plan.features(x, inputs);
-        Self { leaves: plan.leaf_columns().map(|columns| GroupedLeaf::new(&features, columns)).collect() }
+        Self {
+            leaves: plan
+                .leaf_columns()
+                .map(|columns| GroupedLeaf::new(&features, columns))
+                .collect(),
+        }
     }
 }
 
@@ -88,7 +93,13 @@ impl<T: Element> GroupedLeaf<T> {
 
 impl<T: Element> Points<T> for GroupedPoints<T> {
     #[inline(always)]
-    fn squares_at<S: Simd>(&self, simd: S, leaf: usize, start: usize, c: &[T]) -> [T::Register<S>; REGISTERS] {
+    fn squares_at<S: Simd>(
+        &self,
+        simd: S,
+        leaf: usize,
+        start: usize,
+        c: &[T],
+    ) -> [T::Register<S>; REGISTERS] {
         let GroupedLeaf { columns, values } = &self.leaves[leaf];
         let size = group::<T>();
         let group = &values[start / size * columns * size..][..columns * size];

@@ -32,14 +32,16 @@ use crate::math::Float;
 
 /// A covariance function k(x, x').
 ///
-/// The leaves are stationary: k = shape(r²) with the squared distance r² = sum over inputs of ((x - x') / length_scale)²
-/// and k = 1 at r = 0. A periodic input stands on a circle: (x - x')² becomes (period / pi)² sin²(pi (x - x') / period),
-/// the squared chord, which keeps every shape a covariance.
+/// The leaves are stationary: k = shape(r²) with the squared distance r² = sum over inputs of ((x -
+/// x') / length_scale)² and k = 1 at r = 0. A periodic input stands on a circle: (x - x')² becomes
+/// (period / pi)² sin²(pi (x - x') / period), the squared chord, which keeps every shape a
+/// covariance.
 ///
-/// The hyperparameters theta are natural logarithms, in the order of [`Kernel::names`]: what scales first, then what it
-/// scales; length scales, then the mixture of a rational quadratic.
+/// The hyperparameters theta are natural logarithms, in the order of [`Kernel::names`]: what scales
+/// first, then what it scales; length scales, then the mixture of a rational quadratic.
 ///
-/// Source: C. E. Rasmussen, C. K. I. Williams, Gaussian Processes for Machine Learning (2006), ch. 4; thesis eqs. 5-5, 5-6.
+/// Source: C. E. Rasmussen, C. K. I. Williams, Gaussian Processes for Machine Learning (2006), ch.
+/// 4; thesis eqs. 5-5, 5-6.
 ///
 /// # Examples
 /// ```
@@ -105,7 +107,8 @@ impl Kernel {
         Self::Stationary(Stationary { shape, inputs, length_scales: vec![length_scale] })
     }
 
-    /// A length scale for each input: those that do not matter get long ones (automatic relevance determination).
+    /// A length scale for each input: those that do not matter get long ones (automatic relevance
+    /// determination).
     pub fn ard(shape: Shape, length_scales: &[f64]) -> Self {
         let inputs = (0..length_scales.len()).map(|index| Input { index, period: None }).collect();
         Self::Stationary(Stationary { shape, inputs, length_scales: length_scales.to_vec() })
@@ -117,7 +120,9 @@ impl Kernel {
     /// If the kernel looks at more inputs than are selected.
     #[must_use]
     pub fn on(mut self, selection: &[usize]) -> Self {
-        self.for_each_leaf(&mut |leaf| leaf.inputs.iter_mut().for_each(|input| input.index = selection[input.index]));
+        self.for_each_leaf(&mut |leaf| {
+            leaf.inputs.iter_mut().for_each(|input| input.index = selection[input.index])
+        });
         self
     }
 
@@ -125,16 +130,24 @@ impl Kernel {
     #[must_use]
     pub fn with_period(mut self, index: usize, period: f64) -> Self {
         self.for_each_leaf(&mut |leaf| {
-            leaf.inputs.iter_mut().filter(|input| input.index == index).for_each(|input| input.period = Some(period));
+            leaf.inputs
+                .iter_mut()
+                .filter(|input| input.index == index)
+                .for_each(|input| input.period = Some(period));
         });
         self
     }
 
-    /// The variance and the leaf of a kernel that is one stationary shape without periods, scaled or not.
+    /// The variance and the leaf of a kernel that is one stationary shape without periods, scaled
+    /// or not.
     pub fn single_leaf(&self) -> Option<(f64, &Stationary)> {
         match self {
-            Self::Stationary(leaf) if leaf.inputs.iter().all(|input| input.period.is_none()) => Some((1.0, leaf)),
-            Self::Scaled { variance, kernel } => kernel.single_leaf().map(|(inner, leaf)| (variance * inner, leaf)),
+            Self::Stationary(leaf) if leaf.inputs.iter().all(|input| input.period.is_none()) => {
+                Some((1.0, leaf))
+            }
+            Self::Scaled { variance, kernel } => {
+                kernel.single_leaf().map(|(inner, leaf)| (variance * inner, leaf))
+            }
             _ => None,
         }
     }
@@ -196,7 +209,8 @@ impl Kernel {
         count
     }
 
-    /// Names of the hyperparameters, `signal_variance`, `length_scale[3]` (the input's column) and so on.
+    /// Names of the hyperparameters, `signal_variance`, `length_scale[3]` (the input's column) and
+    /// so on.
     pub fn names(&self) -> Vec<String> {
         let mut names = Vec::new();
         self.clone().for_each_parameter(&mut |name, _| names.push(name));
@@ -235,8 +249,9 @@ impl Kernel {
         inputs
     }
 
-    /// The same kernel with length scales and variances that fit the data: each length scale is the spread of its input
-    /// times the square root of the number of inputs of the leaf, the variance is shared by the summands.
+    /// The same kernel with length scales and variances that fit the data: each length scale is the
+    /// spread of its input times the square root of the number of inputs of the leaf, the variance
+    /// is shared by the summands.
     ///
     /// - `x`: `[samples, inputs]`, row-major
     #[must_use]
@@ -245,12 +260,16 @@ impl Kernel {
         let spread = spreads(x, inputs);
         kernel.for_each_leaf(&mut |leaf| {
             let root = (leaf.inputs.len() as f64).sqrt();
-            let of =
-                |input: &Input| root * input.period.map_or(spread[input.index], |p| spread[input.index].min(0.25 * p));
+            let of = |input: &Input| {
+                root * input
+                    .period
+                    .map_or(spread[input.index], |p| spread[input.index].min(0.25 * p))
+            };
             if leaf.length_scales.len() == leaf.inputs.len() {
                 leaf.length_scales = leaf.inputs.iter().map(of).collect();
             } else {
-                let mean = leaf.inputs.iter().map(|input| of(input).ln()).sum::<f64>() / leaf.inputs.len() as f64;
+                let mean = leaf.inputs.iter().map(|input| of(input).ln()).sum::<f64>()
+                    / leaf.inputs.len() as f64;
                 leaf.length_scales = vec![mean.exp()];
             }
         });
@@ -274,7 +293,12 @@ impl Kernel {
         result
     }
 
-    fn validate_node(&self, inputs: usize, depth: usize, nodes: &mut usize) -> Result<(), KernelError> {
+    fn validate_node(
+        &self,
+        inputs: usize,
+        depth: usize,
+        nodes: &mut usize,
+    ) -> Result<(), KernelError> {
         *nodes += 1;
         if *nodes > MOST_NODES || depth > 32 {
             let found = format!("more than {MOST_NODES} parts or a depth beyond 32");
@@ -295,8 +319,12 @@ impl Kernel {
                     if input.index >= inputs {
                         return Err(KernelError::Input { input: input.index, inputs });
                     }
-                    if let Some(period) = input.period.filter(|period| !is_hyperparameter(*period)) {
-                        return Err(KernelError::Hyperparameter { name: "the period".into(), value: period });
+                    if let Some(period) = input.period.filter(|period| !is_hyperparameter(*period))
+                    {
+                        return Err(KernelError::Hyperparameter {
+                            name: "the period".into(),
+                            value: period,
+                        });
                     }
                 }
                 Ok(())
@@ -334,7 +362,9 @@ impl Kernel {
         match self {
             Self::Stationary(leaf) => visit(leaf),
             Self::Scaled { kernel, .. } => kernel.for_each_leaf(visit),
-            Self::Sum(parts) | Self::Product(parts) => parts.iter_mut().for_each(|part| part.for_each_leaf(visit)),
+            Self::Sum(parts) | Self::Product(parts) => {
+                parts.iter_mut().for_each(|part| part.for_each_leaf(visit))
+            }
         }
     }
 
@@ -357,7 +387,9 @@ impl Kernel {
                 visit("signal_variance".into(), variance);
                 kernel.for_each_parameter(visit);
             }
-            Self::Sum(parts) | Self::Product(parts) => parts.iter_mut().for_each(|part| part.for_each_parameter(visit)),
+            Self::Sum(parts) | Self::Product(parts) => {
+                parts.iter_mut().for_each(|part| part.for_each_parameter(visit))
+            }
         }
     }
 }
@@ -373,7 +405,10 @@ impl Stationary {
             let difference = a[input.index] - b[input.index];
             let difference = match input.period {
                 None => difference,
-                Some(period) => period / core::f64::consts::PI * (core::f64::consts::PI * difference / period).sin(),
+                Some(period) => {
+                    period / core::f64::consts::PI
+                        * (core::f64::consts::PI * difference / period).sin()
+                }
             };
             (difference / self.scale(k)).powi(2)
         };

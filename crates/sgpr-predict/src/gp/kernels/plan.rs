@@ -1,4 +1,5 @@
-//! A kernel laid out for arithmetic on tiles of points: the tree flattened, inputs scaled once and stored by columns.
+//! A kernel laid out for arithmetic on tiles of points: the tree flattened, inputs scaled once and
+//! stored by columns.
 
 use alloc::vec::Vec;
 use core::f64::consts::TAU;
@@ -65,12 +66,15 @@ impl Coordinate {
     fn slope(&self, x: &[f64]) -> f64 {
         match self.wave {
             None => self.factor,
-            Some((frequency, phase)) => -frequency * (frequency * x[self.input] + phase).sin() * self.factor,
+            Some((frequency, phase)) => {
+                -frequency * (frequency * x[self.input] + phase).sin() * self.factor
+            }
         }
     }
 }
 
-/// Points in the coordinates of a plan, a column after the other, each `stride` long, padded with zeros.
+/// Points in the coordinates of a plan, a column after the other, each `stride` long, padded with
+/// zeros.
 #[derive(Clone, Debug)]
 pub struct Features<T> {
     values: Vec<T>,
@@ -135,14 +139,33 @@ impl<T: Element> Features<T> {
 
 impl<T: Element> Points<T> for Features<T> {
     #[inline(always)]
-    fn squares_at<S: Simd>(&self, simd: S, leaf: usize, start: usize, c: &[T]) -> [T::Register<S>; REGISTERS] {
+    fn squares_at<S: Simd>(
+        &self,
+        simd: S,
+        leaf: usize,
+        start: usize,
+        c: &[T],
+    ) -> [T::Register<S>; REGISTERS] {
         T::squares_at(simd, &self.values[self.leaves[leaf] * self.stride..], self.stride, start, c)
     }
 
     /// For single registers, too.
     #[inline(always)]
-    fn squared_distances<S: Simd>(&self, simd: S, leaf: usize, start: usize, c: &[T], squares: &mut [T]) {
-        T::squared_distances(simd, &self.values[self.leaves[leaf] * self.stride + start..], self.stride, c, squares);
+    fn squared_distances<S: Simd>(
+        &self,
+        simd: S,
+        leaf: usize,
+        start: usize,
+        c: &[T],
+        squares: &mut [T],
+    ) {
+        T::squared_distances(
+            simd,
+            &self.values[self.leaves[leaf] * self.stride + start..],
+            self.stride,
+            c,
+            squares,
+        );
     }
 }
 
@@ -156,8 +179,13 @@ impl<T> Query<T> {
 impl Plan {
     /// Lays a kernel out.
     pub fn new(kernel: &Kernel) -> Self {
-        let mut plan =
-            Self { nodes: vec![], leaves: vec![], columns: vec![], theta_len: 0, variance: kernel.variance() };
+        let mut plan = Self {
+            nodes: vec![],
+            leaves: vec![],
+            columns: vec![],
+            theta_len: 0,
+            variance: kernel.variance(),
+        };
         plan.add(kernel);
         plan
     }
@@ -171,7 +199,10 @@ impl Plan {
 
     /// Input and factor of every coordinate; none if an input is periodic.
     pub fn straight_columns(&self) -> Option<Vec<(usize, f64)>> {
-        self.columns.iter().map(|column| column.wave.is_none().then_some((column.input, column.factor))).collect()
+        self.columns
+            .iter()
+            .map(|column| column.wave.is_none().then_some((column.input, column.factor)))
+            .collect()
     }
 
     /// The coordinates of each leaf.
@@ -230,22 +261,33 @@ impl Plan {
                         Some(period) => {
                             let frequency = TAU / period;
                             for phase in [0.0, -core::f64::consts::FRAC_PI_2] {
-                                self.columns.push(column(Some((frequency, phase)), 1.0 / frequency));
+                                self.columns
+                                    .push(column(Some((frequency, phase)), 1.0 / frequency));
                             }
                         }
                     }
                 }
                 let shape = stationary.shape;
-                let mixture = matches!(shape, Shape::RationalQuadratic { .. }).then(|| self.next_theta());
-                self.leaves.push(Leaf { shape, columns: first..self.columns.len(), single, mixture });
+                let mixture =
+                    matches!(shape, Shape::RationalQuadratic { .. }).then(|| self.next_theta());
+                self.leaves.push(Leaf {
+                    shape,
+                    columns: first..self.columns.len(),
+                    single,
+                    mixture,
+                });
                 KernelNode::Leaf(self.leaves.len() - 1)
             }
             Kernel::Scaled { variance, kernel } => {
                 let theta = self.next_theta();
                 KernelNode::Scaled { variance: *variance, theta, child: self.add(kernel) }
             }
-            Kernel::Sum(parts) => KernelNode::Sum(parts.iter().map(|part| self.add(part)).collect()),
-            Kernel::Product(parts) => KernelNode::Product(parts.iter().map(|part| self.add(part)).collect()),
+            Kernel::Sum(parts) => {
+                KernelNode::Sum(parts.iter().map(|part| self.add(part)).collect())
+            }
+            Kernel::Product(parts) => {
+                KernelNode::Product(parts.iter().map(|part| self.add(part)).collect())
+            }
         };
         self.nodes.push(node);
         self.nodes.len() - 1
@@ -254,7 +296,8 @@ impl Plan {
     /// The points of `x`, `[samples, inputs]` row-major, in the coordinates of the plan.
     pub fn features<T: Element>(&self, x: &[f64], inputs: usize) -> Features<T> {
         let count = x.len() / inputs;
-        // One more line of the cache than a power of two, so that columns do not fall on each other there.
+        // One more line of the cache than a power of two, so that columns do not fall on each other
+        // there.
         let stride = count.next_multiple_of(PADDING) + PADDING;
         let mut values = vec![T::default(); stride * self.columns.len()];
         for (column, out) in self.columns.iter().zip(values.chunks_exact_mut(stride)) {
@@ -262,7 +305,12 @@ impl Plan {
                 *out = T::from_f64(column.coordinate(point));
             }
         }
-        Features { values, stride, count, leaves: self.leaves.iter().map(|leaf| leaf.columns.start).collect() }
+        Features {
+            values,
+            stride,
+            count,
+            leaves: self.leaves.iter().map(|leaf| leaf.columns.start).collect(),
+        }
     }
 
     /// k(X, X) of the points of `x`, `[samples, inputs]` row-major, `[samples, samples]`.
@@ -295,7 +343,8 @@ impl Plan {
         }
     }
 
-    /// k(query, points start..start + length); with slopes, what [`Plan::gradient`] needs stays in `work`.
+    /// k(query, points start..start + length); with slopes, what [`Plan::gradient`] needs stays in
+    /// `work`.
     #[inline(always)]
     pub fn values<'w, T: Element, S: Simd, const SLOPES: bool>(
         &self,
@@ -335,7 +384,8 @@ impl Plan {
         &work.values[(self.nodes.len() - 1) * TILE..][..length]
     }
 
-    /// Adds sum over points of weight * dk(query, point) / dtheta, right after [`Plan::values`] of the same tile.
+    /// Adds sum over points of weight * dk(query, point) / dtheta, right after [`Plan::values`] of
+    /// the same tile.
     ///
     /// With `location`, adds sum of weight * dk / dcoordinate of the query as well.
     #[inline(always)]
@@ -366,10 +416,12 @@ impl Plan {
                     for c in columns.clone() {
                         let x = &points.values[c * points.stride + start..][..length];
                         if single.is_none() {
-                            gradient[self.columns[c].theta] -= 2.0 * T::weighted_squares(simd, slopes, x, query.0[c]);
+                            gradient[self.columns[c].theta] -=
+                                2.0 * T::weighted_squares(simd, slopes, x, query.0[c]);
                         }
                         if let Some(location) = &mut location {
-                            location[c] -= 2.0 * T::weighted_differences(simd, slopes, x, query.0[c]);
+                            location[c] -=
+                                2.0 * T::weighted_differences(simd, slopes, x, query.0[c]);
                         }
                     }
                     if let (Some(theta), Shape::RationalQuadratic { mixture }) = (mixture, shape) {
@@ -382,8 +434,13 @@ impl Plan {
                     }
                 }
                 KernelNode::Scaled { variance, theta, child } => {
-                    gradient[*theta] += T::dot(simd, adjoint, &work.values[index * TILE..][..length]);
-                    T::scale(T::from_f64(*variance), adjoint, &mut before[child * TILE..][..length]);
+                    gradient[*theta] +=
+                        T::dot(simd, adjoint, &work.values[index * TILE..][..length]);
+                    T::scale(
+                        T::from_f64(*variance),
+                        adjoint,
+                        &mut before[child * TILE..][..length],
+                    );
                 }
                 KernelNode::Sum(children) => {
                     for child in children {
@@ -424,7 +481,9 @@ impl Plan {
                 KernelNode::Leaf(_) => 1.0,
                 KernelNode::Scaled { variance, child, .. } => variance * values[*child],
                 KernelNode::Sum(children) => children.iter().map(|child| values[*child]).sum(),
-                KernelNode::Product(children) => children.iter().map(|child| values[*child]).product(),
+                KernelNode::Product(children) => {
+                    children.iter().map(|child| values[*child]).product()
+                }
             };
         }
         let mut adjoints = vec![0.0; self.nodes.len()];
@@ -437,9 +496,13 @@ impl Plan {
                     gradient[*theta] += adjoint * values[index];
                     adjoints[*child] = adjoint * variance;
                 }
-                KernelNode::Sum(children) => children.iter().for_each(|child| adjoints[*child] = adjoint),
+                KernelNode::Sum(children) => {
+                    children.iter().for_each(|child| adjoints[*child] = adjoint)
+                }
                 KernelNode::Product(children) => {
-                    children.iter().for_each(|child| adjoints[*child] = adjoint * values[index] / values[*child]);
+                    children.iter().for_each(|child| {
+                        adjoints[*child] = adjoint * values[index] / values[*child]
+                    });
                 }
             }
         }
@@ -463,7 +526,8 @@ impl WithSimd for Covariances<'_> {
         for (k, row) in all.chunks_exact_mut(count).enumerate() {
             points.point(k, &mut query);
             for (start, length) in points.tiles_from(0) {
-                let values = plan.values::<f64, S, false>(simd, &points, (start, length), &query, &mut work);
+                let values =
+                    plan.values::<f64, S, false>(simd, &points, (start, length), &query, &mut work);
                 let end = (start + length).min(count);
                 row[start..end].copy_from_slice(&values[..end - start]);
             }

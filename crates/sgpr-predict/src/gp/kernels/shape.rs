@@ -31,11 +31,14 @@ impl Shape {
             Self::Exponential => (-r2.sqrt()).exp(),
             Self::Matern32 => (1.0 + scaled(3.0)) * (-scaled(3.0)).exp(),
             Self::Matern52 => (1.0 + scaled(5.0) + 5.0 / 3.0 * r2) * (-scaled(5.0)).exp(),
-            Self::RationalQuadratic { mixture } => (-mixture * (r2 / (2.0 * mixture)).ln_1p()).exp(),
+            Self::RationalQuadratic { mixture } => {
+                (-mixture * (r2 / (2.0 * mixture)).ln_1p()).exp()
+            }
         }
     }
 
-    /// Calls `work` with a shape that the compiler knows at each place, so that no loop in it decides about shapes.
+    /// Calls `work` with a shape that the compiler knows at each place, so that no loop in it
+    /// decides about shapes.
     #[inline(always)]
     pub(crate) fn known<R>(self, work: impl FnOnce(Self) -> R) -> R {
         match self {

@@ -14,7 +14,8 @@ pub const TILE: usize = 256;
 /// Registers of points that share what is read of a query.
 pub const REGISTERS: usize = 4;
 
-/// Numbers of one row before those of the next in a block of four; the lanes of the widest register.
+/// Numbers of one row before those of the next in a block of four; the lanes of the widest
+/// register.
 pub const BLOCK: usize = 16;
 
 /// A number that kernels are computed in.
@@ -31,7 +32,10 @@ pub trait Element: Copy + Default + Send + Sync + core::fmt::Debug + 'static {
     fn load<S: Simd, const COUNT: usize>(slice: &[Self]) -> [Self::Register<S>; COUNT];
 
     /// Writes registers to the beginning of a slice.
-    fn store<S: Simd, const COUNT: usize>(registers: [Self::Register<S>; COUNT], slice: &mut [Self]);
+    fn store<S: Simd, const COUNT: usize>(
+        registers: [Self::Register<S>; COUNT],
+        slice: &mut [Self],
+    );
 
     /// A register of one number.
     fn splat<S: Simd>(simd: S, value: Self) -> Self::Register<S>;
@@ -43,13 +47,18 @@ pub trait Element: Copy + Default + Send + Sync + core::fmt::Debug + 'static {
     fn decay<S: Simd>(simd: S, factor: f64, x: Self::Register<S>) -> Self::Register<S>;
 
     /// a b + c.
-    fn mul_add<S: Simd>(simd: S, a: Self::Register<S>, b: Self::Register<S>, c: Self::Register<S>)
-    -> Self::Register<S>;
+    fn mul_add<S: Simd>(
+        simd: S,
+        a: Self::Register<S>,
+        b: Self::Register<S>,
+        c: Self::Register<S>,
+    ) -> Self::Register<S>;
 
     /// Sum of all numbers.
     fn sum<S: Simd>(simd: S, registers: [Self::Register<S>; REGISTERS]) -> f64;
 
-    /// sum over columns of (x - c)², for as many points as `r2` has; column m of x starts at `m * stride`.
+    /// sum over columns of (x - c)², for as many points as `r2` has; column m of x starts at
+    /// `m * stride`.
     fn squared_distances<S: Simd>(simd: S, x: &[Self], stride: usize, c: &[Self], r2: &mut [Self]);
 
     /// The same for so many registers from `start` on.
@@ -61,8 +70,8 @@ pub trait Element: Copy + Default + Send + Sync + core::fmt::Debug + 'static {
         c: &[Self],
     ) -> [Self::Register<S>; COUNT];
 
-    /// norms + norm + sum over digits of units * products, no less than zero; the products are integers with a sign, as many
-    /// in all registers as there are norms.
+    /// norms + norm + sum over digits of units * products, no less than zero; the products are
+    /// integers with a sign, as many in all registers as there are norms.
     #[cfg(feature = "simd")]
     fn squares_from_products<S: Simd, const COUNT: usize>(
         simd: S,
@@ -72,8 +81,8 @@ pub trait Element: Copy + Default + Send + Sync + core::fmt::Debug + 'static {
         units: [Self; 2],
     ) -> [Self::Register<S>; REGISTERS];
 
-    /// As many times as there are `K` kernels: sum over columns of weight (x - c)², for as many points as a row of `r2` uses.
-    /// The squared differences are shared.
+    /// As many times as there are `K` kernels: sum over columns of weight (x - c)², for as many
+    /// points as a row of `r2` uses. The squared differences are shared.
     ///
     /// - `x`: column m starts at `m * TILE`, `length` of it are used
     /// - `weights`: `[columns, K]`
@@ -97,11 +106,22 @@ pub trait Element: Copy + Default + Send + Sync + core::fmt::Debug + 'static {
         r2: &mut [Self],
     );
 
-    /// Values at squared distances, and their derivatives by the squared distance where `SLOPES` (else the values again).
-    fn shape_at<S: Simd, const SLOPES: bool>(simd: S, shape: Shape, r2: Self::Register<S>) -> [Self::Register<S>; 2];
+    /// Values at squared distances, and their derivatives by the squared distance where `SLOPES`
+    /// (else the values again).
+    fn shape_at<S: Simd, const SLOPES: bool>(
+        simd: S,
+        shape: Shape,
+        r2: Self::Register<S>,
+    ) -> [Self::Register<S>; 2];
 
     /// The same for slices, of whole registers.
-    fn shape<S: Simd, const SLOPES: bool>(simd: S, shape: Shape, r2: &[Self], k: &mut [Self], slope: &mut [Self]);
+    fn shape<S: Simd, const SLOPES: bool>(
+        simd: S,
+        shape: Shape,
+        r2: &[Self],
+        k: &mut [Self],
+        slope: &mut [Self],
+    );
 
     /// sum of a b, in double precision from register to register.
     fn dot<S: Simd>(simd: S, a: &[Self], b: &[Self]) -> f64;
@@ -148,7 +168,10 @@ macro_rules! element {
             }
 
             #[inline(always)]
-            fn store<S: Simd, const COUNT: usize>(registers: [S::$registers; COUNT], slice: &mut [Self]) {
+            fn store<S: Simd, const COUNT: usize>(
+                registers: [S::$registers; COUNT],
+                slice: &mut [Self],
+            ) {
                 *S::$as_mut_simd(slice).0.first_chunk_mut().expect("room for all") = registers;
             }
 
@@ -168,7 +191,12 @@ macro_rules! element {
             }
 
             #[inline(always)]
-            fn mul_add<S: Simd>(simd: S, a: S::$registers, b: S::$registers, c: S::$registers) -> S::$registers {
+            fn mul_add<S: Simd>(
+                simd: S,
+                a: S::$registers,
+                b: S::$registers,
+                c: S::$registers,
+            ) -> S::$registers {
                 simd.$mul_add(a, b, c)
             }
 
@@ -178,14 +206,26 @@ macro_rules! element {
             }
 
             #[inline(always)]
-            fn squared_distances<S: Simd>(simd: S, x: &[Self], stride: usize, c: &[Self], r2: &mut [Self]) {
+            fn squared_distances<S: Simd>(
+                simd: S,
+                x: &[Self],
+                stride: usize,
+                c: &[Self],
+                r2: &mut [Self],
+            ) {
                 let lanes = size_of::<S::$registers>() / size_of::<Self>();
                 let fours = r2.len() / (4 * lanes);
                 for start in (0..fours).map(|four| 4 * lanes * four) {
-                    Self::store::<S, 4>(Self::squares_at(simd, x, stride, start, c), &mut r2[start..]);
+                    Self::store::<S, 4>(
+                        Self::squares_at(simd, x, stride, start, c),
+                        &mut r2[start..],
+                    );
                 }
                 for start in (4 * fours..r2.len() / lanes).map(|one| lanes * one) {
-                    Self::store::<S, 1>(Self::squares_at(simd, x, stride, start, c), &mut r2[start..]);
+                    Self::store::<S, 1>(
+                        Self::squares_at(simd, x, stride, start, c),
+                        &mut r2[start..],
+                    );
                 }
             }
 
@@ -232,7 +272,8 @@ macro_rules! element {
                         *float = *integer as Self;
                     }
                     for position in 0..REGISTERS {
-                        squares[position] = simd.$mul_add(floats[position], simd.$splat(unit), squares[position]);
+                        squares[position] =
+                            simd.$mul_add(floats[position], simd.$splat(unit), squares[position]);
                     }
                 }
                 for square in &mut squares {
@@ -274,7 +315,8 @@ macro_rules! element {
                 let mut sums = [[simd.$splat(0.0); REGISTERS]; K];
                 for m in 0..weights.len() {
                     let column = S::$as_simd(&x[m * TILE + start..m * TILE + end]).0;
-                    let column = column.first_chunk::<REGISTERS>().expect("as many as were cut out");
+                    let column =
+                        column.first_chunk::<REGISTERS>().expect("as many as were cut out");
                     let (c, weights) = (simd.$splat(c[m]), &weights[m]);
                     let mut squares = *column;
                     for position in 0..REGISTERS {
@@ -284,11 +326,13 @@ macro_rules! element {
                     for k in 0..K {
                         let weight = simd.$splat(weights[k]);
                         for position in 0..REGISTERS {
-                            sums[k][position] = simd.$mul_add(weight, squares[position], sums[k][position]);
+                            sums[k][position] =
+                                simd.$mul_add(weight, squares[position], sums[k][position]);
                         }
                     }
                 }
-                // By value: a copy of slices would take the address of the sums, which then live in memory.
+                // By value: a copy of slices would take the address of the sums, which then live in
+                // memory.
                 for k in 0..K {
                     let out = S::$as_mut_simd(&mut r2[k * TILE + start..k * TILE + end]).0;
                     *out.first_chunk_mut::<REGISTERS>().expect("as many as were cut out") = sums[k];
@@ -296,10 +340,15 @@ macro_rules! element {
             }
 
             #[inline(always)]
-            fn shape_at<S: Simd, const SLOPES: bool>(simd: S, shape: Shape, r2: S::$registers) -> [S::$registers; 2] {
+            fn shape_at<S: Simd, const SLOPES: bool>(
+                simd: S,
+                shape: Shape,
+                r2: S::$registers,
+            ) -> [S::$registers; 2] {
                 const ROOT_3: f64 = 1.732_050_807_568_877_2;
                 const ROOT_5: f64 = 2.236_067_977_499_79;
-                // No reciprocal of a distance below this, where the slope meets a squared difference of zero.
+                // No reciprocal of a distance below this, where the slope meets a squared
+                // difference of zero.
                 const TINY: $float = 1e-30;
                 let one = simd.$splat(1.0);
                 match shape {
@@ -313,7 +362,10 @@ macro_rules! element {
                         [
                             k,
                             if SLOPES {
-                                simd.$div(Self::times(simd, -0.5, k), simd.$sqrt(simd.$max(r2, least)))
+                                simd.$div(
+                                    Self::times(simd, -0.5, k),
+                                    simd.$sqrt(simd.$max(r2, least)),
+                                )
                             } else {
                                 k
                             },
@@ -330,7 +382,14 @@ macro_rules! element {
                         let decay = Self::decay(simd, -ROOT_5, r);
                         let line = simd.$add(one, Self::times(simd, ROOT_5, r));
                         let k = simd.$mul(decay, simd.$mul_add(simd.$splat(5.0 / 3.0), r2, line));
-                        [k, if SLOPES { simd.$mul(Self::times(simd, -5.0 / 6.0, decay), line) } else { k }]
+                        [
+                            k,
+                            if SLOPES {
+                                simd.$mul(Self::times(simd, -5.0 / 6.0, decay), line)
+                            } else {
+                                k
+                            },
+                        ]
                     }
                     Shape::RationalQuadratic { mixture } => {
                         let share = Self::times(simd, 1.0 / (2.0 * mixture), r2);
@@ -339,7 +398,14 @@ macro_rules! element {
                             *x = of_f64::ln_1p(f64::from(*x)) as Self;
                         }
                         let k = Self::decay(simd, -mixture, logarithm);
-                        [k, if SLOPES { simd.$div(Self::times(simd, -0.5, k), simd.$add(one, share)) } else { k }]
+                        [
+                            k,
+                            if SLOPES {
+                                simd.$div(Self::times(simd, -0.5, k), simd.$add(one, share))
+                            } else {
+                                k
+                            },
+                        ]
                     }
                 }
             }
@@ -352,7 +418,8 @@ macro_rules! element {
                 k: &mut [Self],
                 slope: &mut [Self],
             ) {
-                let (r2, k, slope) = (S::$as_simd(r2).0, S::$as_mut_simd(k).0, S::$as_mut_simd(slope).0);
+                let (r2, k, slope) =
+                    (S::$as_simd(r2).0, S::$as_mut_simd(k).0, S::$as_mut_simd(slope).0);
                 shape.known(
                     #[inline(always)]
                     |shape| {
@@ -397,7 +464,8 @@ macro_rules! element {
                     let rows = &rows[4 * block * registers..4 * (block + 1) * registers];
                     for position in 0..registers {
                         for k in 0..4 {
-                            sums[k] = simd.$mul_add(rows[k * registers + position], b[position], sums[k]);
+                            sums[k] =
+                                simd.$mul_add(rows[k * registers + position], b[position], sums[k]);
                         }
                     }
                 }

@@ -13,7 +13,8 @@ use super::SessionCause;
 use super::shapes::Shapes;
 use crate::effects::Role;
 use crate::identification::{
-    BaseParameters, Dispersion, Estimate, JointFactor, LeastSquares, Method, ParameterSet, PriorWidth, role_of, stacked,
+    BaseParameters, Dispersion, Estimate, JointFactor, LeastSquares, Method, ParameterSet,
+    PriorWidth, role_of, stacked,
 };
 use crate::linalg::triangle;
 use crate::robot::Robot;
@@ -60,25 +61,38 @@ pub(super) struct SessionFit {
 }
 
 impl<'a> Arm<'a> {
-    pub fn new(robot: &'a Robot, set: &'a ParameterSet, base: &'a BaseParameters, records: &'a [Vec<Record>]) -> Self {
+    pub fn new(
+        robot: &'a Robot,
+        set: &'a ParameterSet,
+        base: &'a BaseParameters,
+        records: &'a [Vec<Record>],
+    ) -> Self {
         let factors = |records: &Vec<Record>| {
-            stacked(records.iter().flat_map(|record| &record.blocks).flat_map(|block| &block.factors))
+            stacked(
+                records.iter().flat_map(|record| &record.blocks).flat_map(|block| &block.factors),
+            )
         };
         let of_role = |joint: usize, wanted: fn(Option<Role>) -> bool| {
             let own = set.effect_parameters_of(joint).into_iter();
             own.filter(|parameter| wanted(role_of(set, *parameter))).collect::<Vec<usize>>()
         };
-        let in_base = |own: Vec<usize>| (0..base.rank()).filter(|k| own.contains(&base.independent()[*k])).collect();
+        let in_base = |own: Vec<usize>| {
+            (0..base.rank()).filter(|k| own.contains(&base.independent()[*k])).collect()
+        };
         let is_friction = |role| !matches!(role, Some(Role::Offset | Role::RotorInertia));
         let friction = |joint: usize| in_base(of_role(joint, is_friction));
         let shapes = |joint: usize| {
             let all = set.of_state()..set.len();
-            in_base(all.filter(|parameter| Shapes::is_friction(parameter - set.of_state(), joint)).collect())
+            in_base(
+                all.filter(|parameter| Shapes::is_friction(parameter - set.of_state(), joint))
+                    .collect(),
+            )
         };
         let offset = |joint: usize| in_base(of_role(joint, |role| role == Some(Role::Offset)));
         let first = set.inertial() - PARAMETERS_PER_LINK;
         let direction = |parameter: usize| {
-            let unit: Vec<f64> = (0..set.len()).map(|k| f64::from(u8::from(k == parameter))).collect();
+            let unit: Vec<f64> =
+                (0..set.len()).map(|k| f64::from(u8::from(k == parameter))).collect();
             base.combine(&unit)
         };
         Self {
@@ -97,9 +111,16 @@ impl<'a> Arm<'a> {
 
     /// All that may differ.
     pub fn causes(&self) -> Vec<SessionCause> {
-        let of_joint =
-            |joint| [SessionCause::Friction { joint }, SessionCause::Offset { joint }, SessionCause::Gain { joint }];
-        std::iter::once(SessionCause::Tool).chain((0..self.robot.dof()).flat_map(of_joint)).collect()
+        let of_joint = |joint| {
+            [
+                SessionCause::Friction { joint },
+                SessionCause::Offset { joint },
+                SessionCause::Gain { joint },
+            ]
+        };
+        std::iter::once(SessionCause::Tool)
+            .chain((0..self.robot.dof()).flat_map(of_joint))
+            .collect()
     }
 
     /// Gains of an arm that did not change.
@@ -139,20 +160,27 @@ impl<'a> Arm<'a> {
                     factor.columns.iter().map(|k| self.unknown(&columns, session, *k)).collect();
                 let mut added = vec![];
                 if with_tool && session > 0 {
-                    unknowns.extend((0..OF_TOOL).map(|k| first_of_tool + (session - 1) * OF_TOOL + k));
-                    added = self.tool.iter().map(|direction| predicted(factor, direction)).collect();
+                    unknowns
+                        .extend((0..OF_TOOL).map(|k| first_of_tool + (session - 1) * OF_TOOL + k));
+                    added =
+                        self.tool.iter().map(|direction| predicted(factor, direction)).collect();
                 }
                 let (width, joint) = (factor.columns.len(), factor.joint);
                 let gain = gains[session][joint];
-                let wide =
-                    Mat::from_fn(factor.factor.nrows(), width + added.len() + 1, |i, j| match j.checked_sub(width) {
+                let wide = Mat::from_fn(factor.factor.nrows(), width + added.len() + 1, |i, j| {
+                    match j.checked_sub(width) {
                         None => factor.factor[(i, j)],
                         Some(k) if k < added.len() => added[k][i],
                         Some(_) => factor.factor[(i, width)] / gain,
-                    });
+                    }
+                });
                 factors.push((
                     session,
-                    JointFactor { columns: unknowns, factor: triangle(wide.as_ref()), ..factor.clone() },
+                    JointFactor {
+                        columns: unknowns,
+                        factor: triangle(wide.as_ref()),
+                        ..factor.clone()
+                    },
                 ));
             }
         }
@@ -160,7 +188,9 @@ impl<'a> Arm<'a> {
         let mut nominal = vec![0.0; count];
         nominal[..rank].copy_from_slice(&nominal_base);
         for session in 1..sessions {
-            columns.iter().for_each(|k| nominal[self.unknown(&columns, session, *k)] = nominal_base[*k]);
+            columns
+                .iter()
+                .for_each(|k| nominal[self.unknown(&columns, session, *k)] = nominal_base[*k]);
         }
         let plain: Vec<JointFactor> = factors.iter().map(|(_, factor)| factor.clone()).collect();
         let solver = LeastSquares::new(Method::Wls);
@@ -169,22 +199,32 @@ impl<'a> Arm<'a> {
         let mut squares = vec![(0.0, 0usize); self.robot.dof()];
         for (session, factor) in self.moving() {
             let (sum, rows) = &mut squares[factor.joint];
-            *sum += residual(factor, &values[session], gains[session][factor.joint]).iter().map(|r| r * r).sum::<f64>();
+            *sum += residual(factor, &values[session], gains[session][factor.joint])
+                .iter()
+                .map(|r| r * r)
+                .sum::<f64>();
             *rows += factor.rows;
         }
-        let noise = squares.into_iter().map(|(sum, rows)| (sum / rows.max(1) as f64).sqrt()).collect();
+        let noise =
+            squares.into_iter().map(|(sum, rows)| (sum / rows.max(1) as f64).sqrt()).collect();
         Ok(SessionFit { values, tool, gains, noise, estimate, factors })
     }
 
-    /// The same, and per factor the rows that carry as much as one independent row: the estimates stay, their spread grows.
-    pub fn fit_with_memory(&self, own: &Own, gains: SessionGains) -> Result<(SessionFit, Vec<f64>), RecordError> {
+    /// The same, and per factor the rows that carry as much as one independent row: the estimates
+    /// stay, their spread grows.
+    pub fn fit_with_memory(
+        &self,
+        own: &Own,
+        gains: SessionGains,
+    ) -> Result<(SessionFit, Vec<f64>), RecordError> {
         let mut state = self.fit(own, gains)?;
         let of_session = |session: usize| {
             let records: Vec<&Record> = self.records[session].iter().collect();
             correlation(&records, &self.factors[session], &state.values[session])
         };
         let correlation: Vec<f64> = (0..self.records.len()).flat_map(of_session).collect();
-        let factors: Vec<JointFactor> = state.factors.iter().map(|(_, factor)| factor.clone()).collect();
+        let factors: Vec<JointFactor> =
+            state.factors.iter().map(|(_, factor)| factor.clone()).collect();
         let solver = LeastSquares { method: Method::Wls, correlation: Some(correlation.clone()) };
         let nominal = state.estimate.values.clone();
         state.estimate = solver.solve_unknowns(&factors, &nominal).map_err(IdentifyError::from)?;
@@ -194,12 +234,19 @@ impl<'a> Arm<'a> {
     /// Rows in motion of all sessions.
     pub fn moving(&self) -> impl Iterator<Item = (usize, &JointFactor)> {
         let sessions = self.factors.iter().enumerate();
-        let rows = sessions.flat_map(|(session, all)| all.iter().map(move |factor| (session, factor)));
+        let rows =
+            sessions.flat_map(|(session, all)| all.iter().map(move |factor| (session, factor)));
         rows.filter(|(_, factor)| !factor.resting)
     }
 
-    /// Base parameters of each session, and what its tool has beyond that of the first, from the unknowns.
-    fn values(&self, columns: &[usize], with_tool: bool, unknowns: &[f64]) -> (Vec<Vec<f64>>, Vec<Vec<f64>>) {
+    /// Base parameters of each session, and what its tool has beyond that of the first, from the
+    /// unknowns.
+    fn values(
+        &self,
+        columns: &[usize],
+        with_tool: bool,
+        unknowns: &[f64],
+    ) -> (Vec<Vec<f64>>, Vec<Vec<f64>>) {
         let (rank, sessions) = (self.base.rank(), self.records.len());
         let first_of_tool = rank + (sessions - 1) * columns.len();
         let tool = |session: usize| match (with_tool, session) {
@@ -208,9 +255,13 @@ impl<'a> Arm<'a> {
         };
         let tools: Vec<Vec<f64>> = (0..sessions).map(tool).collect();
         let value = |session: usize| {
-            let mut values: Vec<f64> = (0..rank).map(|k| unknowns[self.unknown(columns, session, k)]).collect();
+            let mut values: Vec<f64> =
+                (0..rank).map(|k| unknowns[self.unknown(columns, session, k)]).collect();
             for (direction, amount) in self.tool.iter().zip(&tools[session]) {
-                values.iter_mut().zip(direction).for_each(|(value, share)| *value += amount * share);
+                values
+                    .iter_mut()
+                    .zip(direction)
+                    .for_each(|(value, share)| *value += amount * share);
             }
             values
         };
@@ -247,7 +298,8 @@ impl<'a> Arm<'a> {
                 covariance[(k, k)] = f64::INFINITY;
             }
         }
-        let of_session: Vec<usize> = (0..state.factors.len()).filter(|k| state.factors[*k].0 == session).collect();
+        let of_session: Vec<usize> =
+            (0..state.factors.len()).filter(|k| state.factors[*k].0 == session).collect();
         let estimate = Estimate {
             values: state.values[session].clone(),
             covariance,
@@ -261,19 +313,34 @@ impl<'a> Arm<'a> {
             self.told(own),
             self.records.len()
         );
-        let mut model = TorqueModel::from_parameters(self.robot.clone(), self.set.clone(), parameters, vec![history]);
-        model.fit =
-            Some(fit(&estimate, self.base, &self.factors[session], &correlation, (self.robot.dof(), &Method::Wls)));
+        let mut model = TorqueModel::from_parameters(
+            self.robot.clone(),
+            self.set.clone(),
+            parameters,
+            vec![history],
+        );
+        model.fit = Some(fit(
+            &estimate,
+            self.base,
+            &self.factors[session],
+            &correlation,
+            (self.robot.dof(), &Method::Wls),
+        ));
         model.processing = Some(self.records[session][0].processing.clone());
-        model.provenance.logs = self.records[session].iter().map(|record| record.source.clone()).collect();
+        model.provenance.logs =
+            self.records[session].iter().map(|record| record.source.clone()).collect();
         model
     }
 
     fn told(&self, own: &Own) -> String {
         let one = |cause: &SessionCause| match cause {
             SessionCause::Tool => Some("tool".to_string()),
-            SessionCause::Friction { joint } => Some(format!("friction of {}", self.robot.joints()[*joint].name)),
-            SessionCause::Offset { joint } => Some(format!("offset of {}", self.robot.joints()[*joint].name)),
+            SessionCause::Friction { joint } => {
+                Some(format!("friction of {}", self.robot.joints()[*joint].name))
+            }
+            SessionCause::Offset { joint } => {
+                Some(format!("offset of {}", self.robot.joints()[*joint].name))
+            }
             SessionCause::Gain { .. } => None,
         };
         let all: Vec<String> = own.iter().filter_map(one).collect();
@@ -284,7 +351,11 @@ impl<'a> Arm<'a> {
 /// What base parameters leave of the torque, which is first divided by its gain.
 pub(super) fn residual(factor: &JointFactor, base: &[f64], gain: f64) -> Vec<f64> {
     let torque = factor.factor.col(factor.columns.len());
-    torque.iter().zip(predicted(factor, base)).map(|(torque, model)| torque / gain - model).collect()
+    torque
+        .iter()
+        .zip(predicted(factor, base))
+        .map(|(torque, model)| torque / gain - model)
+        .collect()
 }
 
 /// The fit of an estimate that stands for a model.
@@ -296,12 +367,20 @@ fn fit(
     (joints, method): (usize, &Method),
 ) -> Fit {
     let deviations = estimate.standard_deviations();
-    let infinite = base.names().iter().zip(&deviations).filter(|(_, deviation)| deviation.is_infinite());
+    let infinite =
+        base.names().iter().zip(&deviations).filter(|(_, deviation)| deviation.is_infinite());
     let per_joint = |figures: &[f64]| -> Vec<f64> {
-        let of = |joint| factors.iter().position(|factor| factor.joint == joint).map_or(0.0, |index| figures[index]);
+        let of = |joint| {
+            factors
+                .iter()
+                .position(|factor| factor.joint == joint)
+                .map_or(0.0, |index| figures[index])
+        };
         (0..joints).map(of).collect()
     };
-    let rows = |joint| factors.iter().filter(|factor| factor.joint == joint).map(|factor| factor.rows).sum();
+    let rows = |joint| {
+        factors.iter().filter(|factor| factor.joint == joint).map(|factor| factor.rows).sum()
+    };
     let rank = base.rank();
     Fit {
         method: method.name().into(),

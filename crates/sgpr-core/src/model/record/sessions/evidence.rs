@@ -1,4 +1,5 @@
-//! Whether sessions differ: what they scatter by, and what values of their own save on parts that were left out.
+//! Whether sessions differ: what they scatter by, and what values of their own save on parts that
+//! were left out.
 
 use faer::{Col, Mat};
 use statrs::distribution::{ContinuousCDF, FisherSnedecor};
@@ -17,7 +18,8 @@ struct Told {
     rest: f64,
 }
 
-/// What parts of one session differ by: the variance of a row, and how many degrees of freedom it rests on.
+/// What parts of one session differ by: the variance of a row, and how many degrees of freedom it
+/// rests on.
 struct Scatter {
     variance: f64,
     freedom: f64,
@@ -57,17 +59,17 @@ struct Part {
 }
 
 impl Arm<'_> {
-    /// Whether values of a cause that each session has for itself predict better, and differ by more than chance; none if
-    /// the logs cannot tell.
+    /// Whether values of a cause that each session has for itself predict better, and differ by
+    /// more than chance; none if the logs cannot tell.
     pub fn examine(&self, cause: SessionCause, state: &SessionFit) -> Option<SessionTest> {
         let sums = CauseSums::new(self.parts(cause, state), self.records.len())?;
         let Scatter { variance, freedom } = sums.scatter()?;
         let errors = sums.left_out();
         let noise = match cause {
             SessionCause::Tool => 1.0,
-            SessionCause::Friction { joint } | SessionCause::Offset { joint } | SessionCause::Gain { joint } => {
-                state.noise[joint].powi(2)
-            }
+            SessionCause::Friction { joint }
+            | SessionCause::Offset { joint }
+            | SessionCause::Gain { joint } => state.noise[joint].powi(2),
         };
         let Told { unit, share, rest } = self.told_of(cause, sums.common.nrows(), state);
         Some(SessionTest {
@@ -76,7 +78,8 @@ impl Arm<'_> {
             deviations: sums.deviations(&share, variance),
             unit,
             chance: exceeded(sums.between() / variance, sums.apart() as f64, freedom),
-            saved: errors.iter().map(|(before, after)| before - after).sum::<f64>() / noise.max(f64::MIN_POSITIVE),
+            saved: errors.iter().map(|(before, after)| before - after).sum::<f64>()
+                / noise.max(f64::MIN_POSITIVE),
             judgement: Judgement::of(&errors),
             changed: false,
         })
@@ -95,9 +98,10 @@ impl Arm<'_> {
         if cause == (SessionCause::Offset { joint }) {
             return Told { unit, share: first, rest: 0.0 };
         }
-        // Friction is the mean of its torque times the direction of motion, which is the column of dry friction, or the shape
-        // that comes next to it.
-        let dry = |k: &&usize| role_of(self.set, self.base.independent()[**k]) == Some(Role::DryFriction);
+        // Friction is the mean of its torque times the direction of motion, which is the column of
+        // dry friction, or the shape that comes next to it.
+        let dry =
+            |k: &&usize| role_of(self.set, self.base.independent()[**k]) == Some(Role::DryFriction);
         let direction = self.friction[joint].iter().find(dry).or(self.shapes[joint].first());
         let mut means = vec![0.0; self.base.rank()];
         let mut length = 0.0;
@@ -107,7 +111,8 @@ impl Arm<'_> {
             let along = factor.factor.col(along);
             length += along.squared_norm_l2();
             for column in self.friction[joint].iter().chain(&self.shapes[joint]) {
-                means[*column] += place(*column).map_or(0.0, |k| along.transpose() * factor.factor.col(k));
+                means[*column] +=
+                    place(*column).map_or(0.0, |k| along.transpose() * factor.factor.col(k));
             }
         }
         let mean = |column: &usize| means[*column] / length.max(f64::MIN_POSITIVE);
@@ -116,7 +121,8 @@ impl Arm<'_> {
         Told { unit, share: Col::from_fn(count, |k| mean(&own[k])), rest }
     }
 
-    /// The equations of each part of the sessions for the numbers of a cause, everything else as fitted.
+    /// The equations of each part of the sessions for the numbers of a cause, everything else as
+    /// fitted.
     fn parts(&self, cause: SessionCause, state: &SessionFit) -> Vec<Part> {
         let mut parts = Vec::new();
         for (session, records) in self.records.iter().enumerate() {
@@ -124,7 +130,8 @@ impl Arm<'_> {
                 let mut part: Option<Part> = None;
                 for factor in block.factors.iter().filter(|factor| !factor.resting) {
                     if let Some((columns, target)) = self.rows(cause, session, factor, state) {
-                        part.get_or_insert_with(|| Part::empty(session, columns.len())).add(&columns, &target);
+                        part.get_or_insert_with(|| Part::empty(session, columns.len()))
+                            .add(&columns, &target);
                     }
                 }
                 parts.extend(part);
@@ -133,8 +140,8 @@ impl Arm<'_> {
         parts
     }
 
-    /// Columns of the numbers of a cause in rows of a joint, and what they have to explain together; none if the joint has
-    /// nothing to do with it.
+    /// Columns of the numbers of a cause in rows of a joint, and what they have to explain
+    /// together; none if the joint has nothing to do with it.
     fn rows(
         &self,
         cause: SessionCause,
@@ -152,21 +159,32 @@ impl Arm<'_> {
                     return None;
                 }
                 target.iter_mut().for_each(|value| *value /= noise);
-                let column =
-                    |direction: &Vec<f64>| predicted(factor, direction).into_iter().map(|v| v / noise).collect();
+                let column = |direction: &Vec<f64>| {
+                    predicted(factor, direction).into_iter().map(|v| v / noise).collect()
+                };
                 (self.tool.iter().map(column).collect(), state.tool[session].clone())
             }
-            SessionCause::Friction { joint: asked } | SessionCause::Offset { joint: asked } if asked == joint => {
-                let own = if matches!(cause, SessionCause::Offset { .. }) { &self.offset } else { &self.friction };
+            SessionCause::Friction { joint: asked } | SessionCause::Offset { joint: asked }
+                if asked == joint =>
+            {
+                let own = if matches!(cause, SessionCause::Offset { .. }) {
+                    &self.offset
+                } else {
+                    &self.friction
+                };
                 let place = |column: &usize| factor.columns.iter().position(|k| k == column);
-                let own: Vec<(usize, usize)> = own[joint].iter().filter_map(|k| Some((*k, place(k)?))).collect();
-                let column = |(_, place): &(usize, usize)| factor.factor.col(*place).iter().copied().collect();
+                let own: Vec<(usize, usize)> =
+                    own[joint].iter().filter_map(|k| Some((*k, place(k)?))).collect();
+                let column = |(_, place): &(usize, usize)| {
+                    factor.factor.col(*place).iter().copied().collect()
+                };
                 (own.iter().map(column).collect(), own.iter().map(|(k, _)| values[*k]).collect())
             }
             SessionCause::Gain { joint: asked } if asked == joint => {
                 let model = predicted(factor, values);
                 // The torque as measured.
-                target = model.iter().zip(&target).map(|(model, left)| gain * (model + left)).collect();
+                target =
+                    model.iter().zip(&target).map(|(model, left)| gain * (model + left)).collect();
                 return Some((vec![model], target));
             }
             _ => return None,
@@ -198,7 +216,8 @@ impl CauseSums {
         Some(Self { parts, sessions: sums, values, inverses, total, common, rank })
     }
 
-    /// Scores of parts under the values of their session; none if the sessions cannot be told apart.
+    /// Scores of parts under the values of their session; none if the sessions cannot be told
+    /// apart.
     fn scatter(&self) -> Option<Scatter> {
         let (mut squares, mut weight, mut freedom) = (0.0, 0.0, 0.0);
         let mut number = vec![0usize; self.sessions.len()];
@@ -233,18 +252,22 @@ impl CauseSums {
         self.sessions.iter().zip(&self.values).map(of).sum()
     }
 
-    /// Squares that common values leave of each part that was left out, and that values of its session do.
+    /// Squares that common values leave of each part that was left out, and that values of its
+    /// session do.
     fn left_out(&self) -> Vec<(f64, f64)> {
         let of = |part: &Part| {
-            let common = &Inverse::of(&(&self.total.gram - &part.gram)).matrix * (&self.total.right - &part.right);
+            let common = &Inverse::of(&(&self.total.gram - &part.gram)).matrix
+                * (&self.total.right - &part.right);
             let session = &self.sessions[part.session];
-            let own = own_values(&(&session.gram - &part.gram), &(&session.right - &part.right), &common);
+            let own =
+                own_values(&(&session.gram - &part.gram), &(&session.right - &part.right), &common);
             (part.left_by(&common), part.left_by(&own))
         };
         self.parts.iter().map(of).collect()
     }
 
-    /// Standard deviations of a combination of the numbers of each session; infinite where it does not determine it.
+    /// Standard deviations of a combination of the numbers of each session; infinite where it does
+    /// not determine it.
     fn deviations(&self, share: &Col<f64>, variance: f64) -> Vec<f64> {
         let of = |(session, Inverse { matrix, .. }): (&SessionEquations, &Inverse)| {
             let seen = &session.gram * (matrix * share);
@@ -274,7 +297,9 @@ impl Part {
 
     /// Squares that these numbers leave.
     fn left_by(&self, values: &Col<f64>) -> f64 {
-        (self.squares - 2.0 * (values.transpose() * &self.right) + values.transpose() * &self.gram * values).max(0.0)
+        (self.squares - 2.0 * (values.transpose() * &self.right)
+            + values.transpose() * &self.gram * values)
+            .max(0.0)
     }
 }
 
@@ -288,13 +313,16 @@ impl Inverse {
     fn of(gram: &Mat<f64>) -> Self {
         const DETERMINED: f64 = 1e-9;
         let count = gram.nrows();
-        let scale: Vec<f64> =
-            (0..count).map(|k| if gram[(k, k)] > 0.0 { gram[(k, k)].sqrt().recip() } else { 0.0 }).collect();
+        let scale: Vec<f64> = (0..count)
+            .map(|k| if gram[(k, k)] > 0.0 { gram[(k, k)].sqrt().recip() } else { 0.0 })
+            .collect();
         let scaled = Mat::from_fn(count, count, |i, j| gram[(i, j)] * scale[i] * scale[j]);
         let (values, vectors) = symmetric_eigen(scaled.as_ref());
         let kept: Vec<usize> = (0..count).filter(|k| values[*k] > DETERMINED).collect();
         let entry = |i: usize, j: usize| {
-            kept.iter().map(|k| vectors[(i, *k)] * vectors[(j, *k)] / values[*k]).sum::<f64>() * scale[i] * scale[j]
+            kept.iter().map(|k| vectors[(i, *k)] * vectors[(j, *k)] / values[*k]).sum::<f64>()
+                * scale[i]
+                * scale[j]
         };
         Self { matrix: Mat::from_fn(count, count, entry), rank: kept.len() }
     }
@@ -303,5 +331,6 @@ impl Inverse {
 /// Probability of a ratio of variances above this one.
 fn exceeded(chi_squared: f64, of: f64, freedom: f64) -> f64 {
     let ratio = chi_squared / of;
-    FisherSnedecor::new(of, freedom).map_or(1.0, |law| if ratio.is_finite() { law.sf(ratio.max(0.0)) } else { 0.0 })
+    FisherSnedecor::new(of, freedom)
+        .map_or(1.0, |law| if ratio.is_finite() { law.sf(ratio.max(0.0)) } else { 0.0 })
 }

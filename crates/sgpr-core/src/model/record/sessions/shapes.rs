@@ -29,7 +29,10 @@ impl<'a> Shapes<'a> {
         let scale = |joint: usize| {
             let (mut squares, mut rows, mut range) = (0.0, 0, [f64::INFINITY, f64::NEG_INFINITY]);
             for motion in logs.iter().flat_map(|one| &one.experiment.motions) {
-                for at in (joint..motion.q.len()).step_by(n).filter(|at| motion.use_as[*at] == Row::Moving) {
+                for at in (joint..motion.q.len())
+                    .step_by(n)
+                    .filter(|at| motion.use_as[*at] == Row::Moving)
+                {
                     squares += motion.dq[at] * motion.dq[at];
                     rows += 1;
                     range = [range[0].min(motion.q[at]), range[1].max(motion.q[at])];
@@ -37,14 +40,20 @@ impl<'a> Shapes<'a> {
             }
             let speed = (squares / f64::max(rows as f64, 1.0)).sqrt();
             let slides = robot.joints()[joint].kind == JointKind::Prismatic && range[1] > range[0];
-            // A joint that turns repeats itself after a turn, one that slides does not within twice its range.
-            let period = if slides { [range[0], 2.0 * (range[1] - range[0])] } else { [0.0, std::f64::consts::TAU] };
+            // A joint that turns repeats itself after a turn, one that slides does not within twice
+            // its range.
+            let period = if slides {
+                [range[0], 2.0 * (range[1] - range[0])]
+            } else {
+                [0.0, std::f64::consts::TAU]
+            };
             (if speed > 0.0 { speed } else { 1.0 }, period)
         };
         Self { robot, scales: (0..n).map(scale).collect() }
     }
 
-    /// Whether a column, counted over all joints, is friction of this one: what turns with the speed.
+    /// Whether a column, counted over all joints, is friction of this one: what turns with the
+    /// speed.
     pub fn is_friction(column: usize, joint: usize) -> bool {
         let even = TURNS.len() + 2..TURNS.len() + 8;
         column / SHAPES == joint && !even.contains(&(column % SHAPES))
@@ -52,7 +61,12 @@ impl<'a> Shapes<'a> {
 
     pub fn parameters(&self) -> Vec<TrajectoryColumn> {
         let of = |joint: &Joint, index: usize, k: usize| {
-            TrajectoryColumn::new(format!("{}.shape_{k}", joint.name), joint.kind.torque_unit(), Some(index), 1.0)
+            TrajectoryColumn::new(
+                format!("{}.shape_{k}", joint.name),
+                joint.kind.torque_unit(),
+                Some(index),
+                1.0,
+            )
         };
         let joints = self.robot.joints().iter().enumerate();
         joints.flat_map(|(index, joint)| (0..SHAPES).map(move |k| of(joint, index, k))).collect()
@@ -67,8 +81,12 @@ impl<'a> Shapes<'a> {
                 let at = sample * n..(sample + 1) * n;
                 let load = gravity_torque(self.robot, &mut ws, &motion.q[at.clone()]);
                 for joint in 0..n {
-                    let values =
-                        self.values(joint, motion.q[at.start + joint], motion.dq[at.start + joint], load[joint]);
+                    let values = self.values(
+                        joint,
+                        motion.q[at.start + joint],
+                        motion.dq[at.start + joint],
+                        load[joint],
+                    );
                     for (column, value) in columns[joint * SHAPES..].iter_mut().zip(values) {
                         column[sample] = value;
                     }
@@ -77,7 +95,10 @@ impl<'a> Shapes<'a> {
             columns
         };
         let values = motions.iter().map(&mut of_motion).collect();
-        let tau = motions.iter().map(|motion| torque_of(motion).map(<[f64]>::to_vec)).collect::<Result<_, _>>()?;
+        let tau = motions
+            .iter()
+            .map(|motion| torque_of(motion).map(<[f64]>::to_vec))
+            .collect::<Result<_, _>>()?;
         Ok(TermColumns { tau, values, parameters: vec![], gains: vec![] })
     }
 
@@ -88,7 +109,10 @@ impl<'a> Shapes<'a> {
         let place = [angle.sin(), angle.cos(), (2.0 * angle).sin(), (2.0 * angle).cos()];
         let mut all = [0.0; SHAPES];
         let values = turned.into_iter().chain([x * x.abs(), x.powi(3), x.abs(), x * x]);
-        let values = values.chain(place).chain(place.map(|value| turned[0] * value)).chain([turned[0] * load.abs()]);
+        let values = values
+            .chain(place)
+            .chain(place.map(|value| turned[0] * value))
+            .chain([turned[0] * load.abs()]);
         all.iter_mut().zip(values).for_each(|(all, value)| *all = value);
         all
     }

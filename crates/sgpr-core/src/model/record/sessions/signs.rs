@@ -1,8 +1,10 @@
-//! Torques that one session has with the other sign: a sensor that was mounted, or a log that was written, the other way.
+//! Torques that one session has with the other sign: a sensor that was mounted, or a log that was
+//! written, the other way.
 //!
-//! Such a torque is a gain of -1, but a fit that takes it as it is finds common parameters between both signs, near zero,
-//! beside which no gain can be told, and a friction that drives the joint in one session. So the fit starts from the signs
-//! with which one set of parameters explains all sessions, and the gain is tested there, as any other.
+//! Such a torque is a gain of -1, but a fit that takes it as it is finds common parameters between
+//! both signs, near zero, beside which no gain can be told, and a friction that drives the joint in
+//! one session. So the fit starts from the signs with which one set of parameters explains all
+//! sessions, and the gain is tested there, as any other.
 
 use faer::Mat;
 
@@ -16,14 +18,16 @@ use crate::linalg::triangle;
 /// The torque of a joint that some sessions have with another sign than the others.
 pub(super) struct OtherSign {
     pub joint: usize,
-    /// Sessions with the wrong sign: there friction would drive the joint. None if friction says nothing.
+    /// Sessions with the wrong sign: there friction would drive the joint. None if friction says
+    /// nothing.
     pub wrong: Vec<usize>,
     /// Of the gain.
     pub test: SessionTest,
 }
 
 impl Arm<'_> {
-    /// Torques whose gain is that of other sessions with the other sign, beyond chance and by so much that it matters.
+    /// Torques whose gain is that of other sessions with the other sign, beyond chance and by so
+    /// much that it matters.
     pub fn other_signs(&self) -> Result<Vec<OtherSign>, RecordError> {
         let signs = self.signs();
         let turned = |joint: &usize| signs.iter().any(|session| session[*joint] < 0.0);
@@ -37,27 +41,45 @@ impl Arm<'_> {
         let state = self.fit(&own, signs.clone())?;
         let limit = FALSE_ALARM / self.causes().len() as f64;
         let found = |&joint: &usize| {
-            let test = self.examine(SessionCause::Gain { joint }, &state).filter(|test| test.is_sure(limit))?;
-            let friction = self.examine(SessionCause::Friction { joint }, &state).map_or(0.0, |friction| {
-                let known =
-                    friction.values.iter().zip(&friction.deviations).filter(|(_, deviation)| deviation.is_finite());
-                known.map(|(value, deviation)| if value.abs() > 2.0 * deviation { value.signum() } else { 0.0 }).sum()
-            });
-            let wrong = (0..signs.len()).filter(|session| signs[*session][joint] * friction < 0.0).collect();
+            let test = self
+                .examine(SessionCause::Gain { joint }, &state)
+                .filter(|test| test.is_sure(limit))?;
+            let friction =
+                self.examine(SessionCause::Friction { joint }, &state).map_or(0.0, |friction| {
+                    let known = friction
+                        .values
+                        .iter()
+                        .zip(&friction.deviations)
+                        .filter(|(_, deviation)| deviation.is_finite());
+                    known
+                        .map(
+                            |(value, deviation)| {
+                                if value.abs() > 2.0 * deviation { value.signum() } else { 0.0 }
+                            },
+                        )
+                        .sum()
+                });
+            let wrong = (0..signs.len())
+                .filter(|session| signs[*session][joint] * friction < 0.0)
+                .collect();
             Some(OtherSign { joint, wrong, test })
         };
         Ok(joints.iter().filter_map(found).collect())
     }
 
-    /// Signs of the torques by session and joint, 1 or -1, with which one set of parameters leaves least of each joint's
-    /// torque, its offset and the tool those of each session; 1 unless -1 is better by as much as matters.
+    /// Signs of the torques by session and joint, 1 or -1, with which one set of parameters leaves
+    /// least of each joint's torque, its offset and the tool those of each session; 1 unless -1 is
+    /// better by as much as matters.
     fn signs(&self) -> SessionGains {
         let mut signs = self.no_gains();
         for joint in 0..self.robot.dof() {
-            let all: Vec<(usize, &JointFactor)> = self.moving().filter(|(_, factor)| factor.joint == joint).collect();
+            let all: Vec<(usize, &JointFactor)> =
+                self.moving().filter(|(_, factor)| factor.joint == joint).collect();
             for last in 1..all.len() {
                 let left = |sign: f64| {
-                    let sign_of = |session: usize| if session == all[last].0 { sign } else { signs[session][joint] };
+                    let sign_of = |session: usize| {
+                        if session == all[last].0 { sign } else { signs[session][joint] }
+                    };
                     self.left(&all[..=last], sign_of)
                 };
                 let [as_it_is, negated] = [1.0, -1.0].map(left);
