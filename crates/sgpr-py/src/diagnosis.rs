@@ -457,6 +457,45 @@ impl Finding {
 }
 
 #[pymethods]
+impl Model {
+    /// This model with an effect on top of it, all parameters refitted. The line that `history`
+    /// gains says what it brought.
+    ///
+    /// Parameters
+    /// ----------
+    /// finding : Finding or str
+    ///     What `diagnose` found; or an effect by hand, ``torque_ripple@joint_2`` (`diagnose` with
+    ///     ``add`` says more of it).
+    /// train : list of Recording or LogSet, optional
+    ///     Logs to fit to: for a finding those in which it was found; for an effect by hand they
+    ///     must be given.
+    #[pyo3(signature = (finding, train=None))]
+    fn add(
+        slf: &Bound<'_, Self>,
+        finding: &Bound<'_, PyAny>,
+        train: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
+        let py = slf.py();
+        match (finding.cast::<Finding>(), train) {
+            (Ok(finding), None) => finding.get().added_to(py, slf.get()),
+            (Ok(finding), Some(train)) => finding.get().on(train)?.added_to(py, slf.get()),
+            (Err(_), Some(train)) => {
+                let text = finding.extract::<String>().map_err(|_| {
+                    PyTypeError::new_err(
+                        "finding: expected a Finding, or text such as effect@joint",
+                    )
+                })?;
+                let added = diagnose(py, slf, train, None, None, Some(vec![text]), None, None)?;
+                Ok(added.model())
+            }
+            (Err(_), None) => {
+                Err(invalid("train: an effect by hand is fitted to logs, which must be given"))
+            }
+        }
+    }
+}
+
+#[pymethods]
 impl Finding {
     /// Effect.
     #[getter]

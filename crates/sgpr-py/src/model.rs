@@ -16,7 +16,6 @@ use sgpr_core::recording as logs;
 
 use crate::convert::{Numbers, Samples, array, texts, view};
 use crate::detached::detached;
-use crate::diagnosis::Finding;
 use crate::dynamics::motion;
 use crate::errors::{IntoPyErr, invalid};
 use crate::estimators::differentiation_name;
@@ -333,51 +332,6 @@ impl Model {
             return Err(invalid(message));
         }
         Ok(self.inner.plus(error).into())
-    }
-
-    /// This model with an effect on top of it, all parameters refitted. The line that `history`
-    /// gains says what it brought.
-    ///
-    /// Parameters
-    /// ----------
-    /// finding : Finding or str
-    ///     What `diagnose` found; or an effect by hand, ``torque_ripple@joint_2`` (`diagnose` with
-    ///     ``add`` says more of it).
-    /// train : list of Recording or LogSet, optional
-    ///     Logs to fit to: for a finding those in which it was found; for an effect by hand they
-    ///     must be given.
-    #[pyo3(signature = (finding, train=None))]
-    fn add(
-        slf: &Bound<'_, Self>,
-        finding: &Bound<'_, PyAny>,
-        train: Option<&Bound<'_, PyAny>>,
-    ) -> PyResult<Self> {
-        let py = slf.py();
-        match (finding.cast::<Finding>(), train) {
-            (Ok(finding), None) => finding.get().added_to(py, slf.get()),
-            (Ok(finding), Some(train)) => finding.get().on(train)?.added_to(py, slf.get()),
-            (Err(_), Some(train)) => {
-                let text = finding.extract::<String>().map_err(|_| {
-                    pyo3::exceptions::PyTypeError::new_err(
-                        "finding: expected a Finding, or text such as effect@joint",
-                    )
-                })?;
-                let added = crate::diagnosis::diagnose(
-                    py,
-                    slf,
-                    train,
-                    None,
-                    None,
-                    Some(vec![text]),
-                    None,
-                    None,
-                )?;
-                Ok(added.model())
-            }
-            (Err(_), None) => {
-                Err(invalid("train: an effect by hand is fitted to logs, which must be given"))
-            }
-        }
     }
 
     fn __add__(&self, error: &Bound<'_, Self>) -> PyResult<Self> {

@@ -1,8 +1,8 @@
-//! Types of the interface: one meaning for each name, and room for fields that are not there yet.
-//! The lists only get shorter.
+//! What holds in the sources and no compiler asks for: one meaning for each name of a type, room for
+//! fields that are not there yet, no circle of modules. The lists only get shorter.
 #![allow(missing_docs)]
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 /// Names with several meanings, and why they stay.
@@ -118,22 +118,21 @@ fn defined(line: &str) -> Option<&str> {
     (counts && rest.starts_with(char::is_uppercase)).then(|| &rest[..end])
 }
 
-/// Folders of the sources of all crates that are there: beside this one in the repository, not in a
-/// package.
-fn folders() -> Vec<PathBuf> {
-    let own = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let beside = ["predict", "recording", "numeric", "gp"]
-        .map(|name| own.join(format!("../sgpr-{name}/src")));
-    std::iter::once(own.join("src")).chain(beside).collect()
+/// Folders of the sources of these crates that are there: in the repository, not in a package.
+fn folders(crates: &[&str]) -> Vec<PathBuf> {
+    let beside = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let folders = crates.iter().map(|name| beside.join(format!("sgpr-{name}/src")));
+    let own = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    std::iter::once(own).chain(folders).filter(|folder| folder.is_dir()).collect()
 }
 
-/// Files and their text without tests and what only runs the examples of a readme.
-fn code() -> Vec<(PathBuf, String)> {
+/// Crates whose types meet in one program.
+const TOGETHER: [&str; 4] = ["predict", "recording", "numeric", "gp"];
+
+/// Files below a folder and their text without tests and what only runs the examples of a readme.
+fn code(folder: &Path) -> Vec<(PathBuf, String)> {
     let mut files = vec![];
-    folders()
-        .iter()
-        .filter(|folder| folder.is_dir())
-        .for_each(|folder| sources(folder, &mut files));
+    sources(folder, &mut files);
     let code = |file: &PathBuf| {
         let text = std::fs::read_to_string(file).expect("a source file");
         let ends = ["#[cfg(test)]\nmod ", "#[cfg(doctest)]"];
@@ -142,9 +141,17 @@ fn code() -> Vec<(PathBuf, String)> {
     files.iter().map(|file| (file.clone(), code(file))).collect()
 }
 
+fn code_together() -> Vec<(PathBuf, String)> {
+    folders(&TOGETHER).iter().flat_map(|folder| code(folder)).collect()
+}
+
+fn all_are_there() -> bool {
+    folders(&TOGETHER).len() == TOGETHER.len() + 1
+}
+
 #[test]
 fn no_more_names_of_types_have_several_meanings() {
-    let files = code();
+    let files = code_together();
     let mut places: BTreeMap<String, Vec<&Path>> = BTreeMap::new();
     for (file, code) in &files {
         for name in code.lines().filter_map(defined) {
@@ -159,7 +166,7 @@ fn no_more_names_of_types_have_several_meanings() {
         new.is_empty(),
         "names that have a meaning already; take the field's word for this one: {new:#?}"
     );
-    if folders().iter().all(|folder| folder.is_dir()) {
+    if all_are_there() {
         let gone: Vec<_> = KNOWN.iter().filter(|(name, _)| !places.contains_key(*name)).collect();
         assert!(gone.is_empty(), "they have one meaning now; shorten the list: {gone:#?}");
     }
@@ -194,7 +201,7 @@ fn structs_of_the_interface_can_have_more_fields_later() {
         ),
         ["B"]
     );
-    let files = code();
+    let files = code_together();
     let mut found: Vec<&str> = files.iter().flat_map(|(_, code)| closed(code)).collect();
     found.sort_unstable();
     found.dedup();
@@ -204,9 +211,72 @@ fn structs_of_the_interface_can_have_more_fields_later() {
         new.is_empty(),
         "`#[non_exhaustive]`, with a constructor or setters: a new field breaks no caller {new:#?}"
     );
-    if folders().iter().all(|folder| folder.is_dir()) {
+    if all_are_there() {
         let gone: Vec<_> =
             WHOLE.iter().chain(&INSIDE).filter(|name| !found.contains(name)).collect();
         assert!(gone.is_empty(), "they are open now; shorten the lists: {gone:#?}");
+    }
+}
+
+/// Names of modules after `crate::`, also those of a list.
+fn used(code: &str) -> BTreeSet<&str> {
+    let name =
+        |text: &'_ str| text.find(|c: char| !c.is_alphanumeric() && c != '_').unwrap_or(text.len());
+    let mut found = BTreeSet::new();
+    let lines = code.lines().filter(|line| !line.trim_start().starts_with("//"));
+    let starts =
+        lines.flat_map(|line| line.match_indices("crate::").map(move |(at, _)| &line[at + 7..]));
+    found.extend(starts.filter(|rest| !rest.starts_with('{')).map(|rest| &rest[..name(rest)]));
+    for (at, _) in code.match_indices("use crate::{") {
+        let list = code[at + 12..].split("};").next().unwrap_or_default();
+        let firsts = list.split([',', '{', '}']).map(str::trim).filter(|item| item.contains("::"));
+        found.extend(firsts.map(|item| &item[..name(item)]));
+    }
+    found
+}
+
+/// Modules of a crate, each with those that it uses.
+fn modules(folder: &Path) -> BTreeMap<String, BTreeSet<String>> {
+    let mut modules: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
+    for (file, code) in code(folder) {
+        let path = file.strip_prefix(folder).expect("a file of the folder");
+        let first = path.iter().next().expect("a name").to_string_lossy();
+        let module = first.trim_end_matches(".rs").to_string();
+        modules.entry(module).or_default().extend(used(&code).into_iter().map(String::from));
+    }
+    modules.remove("lib");
+    let names: BTreeSet<String> = modules.keys().cloned().collect();
+    for (module, used) in &mut modules {
+        used.retain(|other| names.contains(other) && other != module);
+    }
+    modules
+}
+
+/// Modules that are left when one after the other is taken away that uses none of the others.
+fn circle(mut modules: BTreeMap<String, BTreeSet<String>>) -> BTreeMap<String, BTreeSet<String>> {
+    while let Some(free) =
+        modules.iter().find(|(_, used)| used.is_empty()).map(|(name, _)| name.clone())
+    {
+        modules.remove(&free);
+        for used in modules.values_mut() {
+            used.remove(&free);
+        }
+    }
+    modules
+}
+
+#[test]
+fn no_module_uses_one_that_is_built_on_it() {
+    let text =
+        "use crate::a::X;\n// crate::b\nuse crate::{c::Y, d::{self, Z}};\nlet x = crate::e::f();\n";
+    assert_eq!(used(text), BTreeSet::from(["a", "c", "d", "e"]));
+    let uses = |other: &str| BTreeSet::from([other.to_string()]);
+    let modules_of = BTreeMap::from([("a".into(), uses("b")), ("b".into(), uses("a"))]);
+    assert_eq!(circle(modules_of).len(), 2);
+    for folder in folders(&[&TOGETHER[..], &["py", "c", "lapack"]].concat()) {
+        let modules = modules(&folder);
+        assert!(modules.len() > 2, "{}: {} modules", folder.display(), modules.len());
+        let circle = circle(modules);
+        assert!(circle.is_empty(), "{}: modules use each other: {circle:#?}", folder.display());
     }
 }
