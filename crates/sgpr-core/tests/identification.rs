@@ -338,7 +338,7 @@ fn the_factors_of_the_joints_are_those_of_dense_rows() {
         };
         let dense = Mat::from_fn(1300, k + 1, entry);
         let (expected, gram) =
-            (dense.transpose() * &dense, found.factor.transpose() * &found.factor);
+            (dense.transpose() * &dense, found.factor.transpose() * found.factor.as_ref());
         for i in 0..=k {
             for j in 0..=k {
                 let error = (gram[(i, j)] - expected[(i, j)]).abs()

@@ -124,6 +124,7 @@ impl<'a> Likelihood<'a> {
     ///
     /// # Panics
     /// If there is not one row per point.
+    #[doc(hidden)]
     pub fn beside(
         data: &'a Data,
         terms: MatRef<'_, f64>,

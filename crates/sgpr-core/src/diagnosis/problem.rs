@@ -270,7 +270,14 @@ impl Problem {
                 None => self.y[joint][row * step],
             };
             let factor = triangle(Mat::from_fn(rows, of_joint.len() + 1, value).as_ref());
-            JointFactor { joint, resting: false, columns: of_joint, factor, rows, least_noise: 0.0 }
+            JointFactor {
+                joint,
+                resting: false,
+                columns: of_joint,
+                factor: factor.into(),
+                rows,
+                least_noise: 0.0,
+            }
         };
         let factors: Vec<JointFactor> = (0..self.dof()).map(factor).collect();
         let robot = self.nominal.robot();

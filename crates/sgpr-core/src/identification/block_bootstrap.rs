@@ -22,7 +22,7 @@ use super::groups::Groups;
 use super::hac::{MOST_LOST, NoiseMemory, student};
 use super::least_squares::Directions;
 use super::{Equations, Estimate, IdentificationError, JointFactor};
-use crate::linalg::solve_general;
+use crate::linalg::{Matrix, solve_general};
 use sgpr_numeric::internal::Random;
 
 /// Rows per block in units of what the residual remembers. Blocks lose the share 1 / (2 * this) of
@@ -43,12 +43,12 @@ pub struct Bootstrap {
 
 impl Bootstrap {
     /// Covariance of the replicates, `[rank, rank]`.
-    pub fn covariance(&self) -> Mat<f64> {
+    pub fn covariance(&self) -> Matrix {
         let rank = self.estimates.first().map_or(0, Vec::len);
         let count = self.estimates.len() as f64;
         let mean: Vec<f64> =
             (0..rank).map(|k| self.estimates.iter().map(|e| e[k]).sum::<f64>() / count).collect();
-        Mat::from_fn(rank, rank, |i, j| {
+        Matrix::from_fn(rank, rank, |i, j| {
             self.estimates.iter().map(|e| (e[i] - mean[i]) * (e[j] - mean[j])).sum::<f64>()
                 / (count - 1.0)
         })

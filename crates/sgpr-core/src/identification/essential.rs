@@ -14,7 +14,7 @@ use faer::Mat;
 
 use super::least_squares::{Solution, stack};
 use super::{IdentificationError, JointFactor};
-use crate::linalg::triangle;
+use crate::linalg::{Matrix, triangle};
 
 /// Base parameters in the order in which they can go.
 #[derive(Clone, Debug, PartialEq)]
@@ -27,7 +27,7 @@ pub struct Essential {
     /// Estimates without the dropped ones, `[rank]`, zero for those.
     pub values: Vec<f64>,
     /// Their covariance, `[rank, rank]`, zero for those.
-    pub covariance: Mat<f64>,
+    pub covariance: Matrix,
     /// Error of the prediction of data kept out, as a share of that of all parameters: with 0, 1,
     /// 2, ... dropped.
     pub validation: Vec<f64>,
@@ -88,7 +88,7 @@ pub fn essential_parameters(
             covariance[(k, l)] = solution.inverse[(i, j)];
         }
     }
-    Ok(Essential { kept, dropped, values, covariance, validation })
+    Ok(Essential { kept, dropped, values, covariance: covariance.into(), validation })
 }
 
 /// Least squares on some of the columns of a triangle.

@@ -62,7 +62,7 @@ impl<'a> ExtendedFactor<'a> {
             joint: self.source.joint,
             resting: self.source.resting,
             columns: self.columns.into_iter().map(|(index, _)| index).collect(),
-            factor: triangle(all.as_ref()),
+            factor: triangle(all.as_ref()).into(),
             rows: self.source.rows,
             least_noise: self.source.least_noise,
         }

@@ -26,6 +26,7 @@ use super::autocorrelation::Memory;
 use super::groups::{Groups, memories};
 use super::least_squares::Directions;
 use super::{Equation, Equations, Estimate, IdentificationError, JointFactor};
+use crate::linalg::Matrix;
 use sgpr_numeric::internal::Random;
 
 /// Rows of time per cosine in units of what the residual remembers. Where the memory decays
@@ -60,7 +61,7 @@ pub fn hac_covariance(
     factors: &[JointFactor],
     estimate: &Estimate,
     rows_per_cosine: Option<usize>,
-) -> Result<Mat<f64>, IdentificationError> {
+) -> Result<Matrix, IdentificationError> {
     let directions = Directions::of(&estimate.whitened);
     let sum = score_covariance(
         equations,
@@ -70,7 +71,7 @@ pub fn hac_covariance(
         RowsOf::Motion,
         rows_per_cosine,
     )?;
-    Ok(directions.covariance(&sum))
+    Ok(directions.covariance(&sum).into())
 }
 
 /// What the residual is multiplied by.

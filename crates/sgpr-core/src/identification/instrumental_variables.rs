@@ -88,7 +88,7 @@ fn estimate(task: EstimatorTask<'_, '_>, start: Estimate) -> Result<Estimate, Id
     let half = solve_general(&projected, &scores).ok_or(IdentificationError::WeakInstruments)?;
     let full = solve_general(&projected, &half.transpose().to_owned())
         .ok_or(IdentificationError::WeakInstruments)?;
-    Ok(Estimate { covariance: directions.covariance(&full), ..found })
+    Ok(Estimate { covariance: directions.covariance(&full).into(), ..found })
 }
 
 /// Instruments from the arm simulated with the first estimate.

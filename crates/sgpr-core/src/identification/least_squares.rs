@@ -5,7 +5,7 @@ use faer::linalg::matmul::matmul;
 use faer::{Accum, Mat, Par};
 
 use super::{BaseParameters, IdentificationError, JointFactor, Method};
-use crate::linalg::{Svd, triangle};
+use crate::linalg::{Matrix, Svd, triangle};
 
 /// Least squares for the base parameters of a robot.
 #[derive(Clone, Debug, Setters)]
@@ -26,14 +26,14 @@ pub struct Estimate {
     /// Estimates, `[rank]`.
     pub values: Vec<f64>,
     /// Covariance of the estimates, `[rank, rank]`; infinite where the motion says nothing.
-    pub covariance: Mat<f64>,
+    pub covariance: Matrix,
     /// Root mean square of the torque residual per factor, N·m (N).
     pub noise: Vec<f64>,
     /// What the motion excited.
     pub excitation: ParameterExcitation,
     /// Triangular factor of [W tau] weighted as in this estimate, in units of its noise (memory of
     /// the noise included), `[rank + 1, rank + 1]`: all that the data say about the parameters.
-    pub whitened: Mat<f64>,
+    pub whitened: Matrix,
     /// Noise level by which the rows of each factor were divided, N·m (N); infinite for those left
     /// out.
     pub weights: Vec<f64>,
@@ -204,10 +204,10 @@ impl LeastSquares {
         let whitened = faer::Scale(1.0 / unit) * system;
         Ok(Estimate {
             values: solution.values,
-            covariance,
+            covariance: covariance.into(),
             noise,
             excitation,
-            whitened,
+            whitened: whitened.into(),
             unit,
             weights,
             log_shares: vec![],

@@ -9,6 +9,7 @@ use super::least_squares::{residual_norm, stack, weighted_gram};
 use super::prior::PULLS;
 use super::{IdentificationError, JointFactor, Judgement, ParameterPrior};
 use crate::intervals::{HALF_INTERVAL_95, WITHIN_ONE_DEVIATION, place_of_share};
+use crate::linalg::Matrix;
 use crate::linalg::cholesky;
 
 /// Parts of the data, each of which is predicted from the others.
@@ -25,7 +26,7 @@ pub struct LeftOut<'a> {
 /// A part of the data, and the others.
 pub(super) struct Split<'a> {
     /// Weighted triangle of the others.
-    pub others: Mat<f64>,
+    pub others: Matrix,
     /// Factors of the part, each with its noise level.
     pub part: Vec<(&'a JointFactor, f64)>,
 }
@@ -61,7 +62,7 @@ impl<'a> LeftOut<'a> {
             let noise: Vec<f64> =
                 others().flat_map(|other| self.levels[other].iter().copied()).collect();
             let part = self.parts[index].iter().zip(self.levels[index].iter().copied()).collect();
-            Split { others: stack(&factors, self.rank, &noise), part }
+            Split { others: stack(&factors, self.rank, &noise).into(), part }
         }))
     }
 

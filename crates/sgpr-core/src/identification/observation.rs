@@ -13,7 +13,7 @@ use sgpr_predict::internal::for_each_regressor_block;
 
 use crate::dynamics::{BatchWorkspace, Samples};
 use crate::effects::JointState;
-use crate::linalg::{TriangularFactor, dot_in_lanes, triangle};
+use crate::linalg::{Matrix, TriangularFactor, dot_in_lanes, triangle};
 use crate::robot::Robot;
 use crate::signal::LowPass;
 use crate::spatial::PARAMETERS_PER_LINK;
@@ -99,7 +99,7 @@ pub struct JointFactor {
     /// Base parameters whose columns are in the factor; one more column is the torque.
     pub columns: Vec<usize>,
     /// `[columns + 1, columns + 1]`, upper triangular.
-    pub factor: Mat<f64>,
+    pub factor: Matrix,
     /// Number of rows.
     pub rows: usize,
     /// Noise that its rows have at least, N·m (N), whatever a fit leaves of them; 0 if nothing is
@@ -126,9 +126,9 @@ fn reduced(group: &[&JointFactor]) -> JointFactor {
         for (k, one) in
             std::iter::once(&factor).chain(part.iter().map(|one| &one.factor)).enumerate()
         {
-            all.as_mut().subrows_mut(k * width, width).copy_from(one);
+            all.as_mut().subrows_mut(k * width, width).copy_from(one.as_ref());
         }
-        factor = triangle(all.as_ref());
+        factor = triangle(all.as_ref()).into();
     }
     JointFactor { factor, rows: group.iter().map(|one| one.rows).sum(), ..group[0].clone() }
 }

@@ -14,6 +14,7 @@ use super::consistency::nearest_body;
 use super::extended_factor::ExtendedFactor;
 use super::{BaseParameters, IdentificationError, JointFactor, LeastSquares, Method, ParameterSet};
 use crate::effects::Role;
+use crate::linalg::Matrix;
 use crate::spatial::PARAMETERS_PER_LINK;
 
 /// How a payload is estimated.
@@ -47,7 +48,7 @@ pub struct Payload {
     pub parameters: [f64; PARAMETERS_PER_LINK],
     /// Their covariance, `[10, 10]`, before physics is asked; infinite where the motion says
     /// nothing.
-    pub covariance: Mat<f64>,
+    pub covariance: Matrix,
     /// Base parameters of the arm without it, `[rank]`.
     pub base: Vec<f64>,
     /// Rows of both logs.
@@ -133,7 +134,7 @@ pub fn identify_payload(
     }
     Ok(Payload {
         parameters,
-        covariance,
+        covariance: covariance.into(),
         base: estimate.values[..rank].to_vec(),
         rows: factors.iter().map(|factor| factor.rows).sum(),
     })

@@ -12,6 +12,7 @@ use super::prior::{ParameterPrior, Posterior, non_negative, refused};
 use super::{
     Equations, Estimate, IdentificationError, JointFactor, LeastSquares, Method, estimate,
 };
+use crate::linalg::Matrix;
 
 /// How wide the prior on bodies is.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -37,7 +38,7 @@ pub struct Held {
     pub prior: ParameterPrior,
     /// What the prior is put beside: `[rank + 1, rank + 1]`, a triangle [R | R t] of an estimate t
     /// without prior, rows of R in units of their joint's noise, its memory counted.
-    pub data: Mat<f64>,
+    pub data: Matrix,
     /// Those units by factor, N·m (N); infinite for factors that are left out.
     pub levels: Vec<f64>,
     /// Parameters that the data make negative beyond chance although physics forbids it, and what
@@ -49,7 +50,7 @@ impl Held {
     /// Covariance of the parameters after `longer` times as much data of the same kind,
     /// `[rank, rank]`.
     pub(crate) fn covariance_with(&self, longer: f64) -> Mat<f64> {
-        let root = self.prior.posterior(&(faer::Scale(longer.sqrt()) * &self.data)).root;
+        let root = self.prior.posterior(&(faer::Scale(longer.sqrt()) * &*self.data)).root;
         &root * root.transpose()
     }
 }
@@ -64,7 +65,7 @@ const CHOICES: usize = 2;
 impl PriorWidth {
     fn of(self, prior: ParameterPrior, whitened: &Mat<f64>) -> ParameterPrior {
         match self {
-            Self::Chosen | Self::InForce => prior.chosen_by(whitened),
+            Self::Chosen | Self::InForce => prior.chosen_by(&whitened.clone().into()),
             Self::Given(deviation) => prior.with_relative_deviation(deviation),
         }
     }
@@ -116,9 +117,15 @@ pub fn estimate_with_prior(
     let data = informed(&held.data, &found.values);
     let prior = width.of(held.prior, &data);
     let posterior = prior.posterior(&data);
-    found.covariance = posterior.covariance(&of_estimate(&data, &found.covariance));
+    found.covariance = posterior.covariance(&of_estimate(&data, &found.covariance)).into();
     found.values = posterior.values;
-    Ok(Held { estimate: found, prior, data, levels: held.levels, refused: posterior.refused })
+    Ok(Held {
+        estimate: found,
+        prior,
+        data: data.into(),
+        levels: held.levels,
+        refused: posterior.refused,
+    })
 }
 
 /// Triangle [R | R t] of data that know as much of the parameters as R and put them at `values` t.
@@ -209,17 +216,23 @@ impl LeastSquares {
                 let WeightStart { weights, excitation, iterations, .. } = now;
                 let estimate = Estimate {
                     values: posterior.values,
-                    covariance,
+                    covariance: covariance.into(),
                     noise,
                     excitation,
-                    whitened,
+                    whitened: whitened.into(),
                     weights,
                     log_shares: vec![],
                     unit,
                     iterations,
                     notes: vec![],
                 };
-                return Ok(Held { estimate, prior, data, levels, refused: posterior.refused });
+                return Ok(Held {
+                    estimate,
+                    prior,
+                    data: data.into(),
+                    levels,
+                    refused: posterior.refused,
+                });
             }
         }
         unreachable!("the last iteration returns")
@@ -248,7 +261,7 @@ impl LeastSquares {
                 weights,
                 noise,
                 freedom,
-                covariance,
+                covariance: covariance.into(),
                 excitation,
                 iterations,
                 few,

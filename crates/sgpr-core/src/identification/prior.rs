@@ -20,7 +20,7 @@ use super::least_squares::{residual_norm, torque_sizes};
 use super::parameter_scales::parameter_scales;
 use super::{BaseParameters, JointFactor, ParameterSet};
 use crate::effects::{JointState, Role};
-use crate::linalg::{cholesky, triangle};
+use crate::linalg::{Matrix, cholesky, triangle};
 use crate::robot::{Joint, Robot};
 
 /// A normal prior on the base parameters: for every estimator, and for regressions that estimate
@@ -166,7 +166,7 @@ impl ParameterPrior {
     /// - `whitened`: `[rank + 1, rank + 1]`, the triangular factor of [W tau] in units of its
     ///   noise, as in [`Estimate::whitened`](super::Estimate::whitened)
     #[must_use]
-    pub fn chosen_by(mut self, whitened: &Mat<f64>) -> Self {
+    pub fn chosen_by(mut self, whitened: &Matrix) -> Self {
         let rank = self.of_file.len();
         let size = whitened.col(rank).norm_l2();
         let scale = if size > MOST_DEVIATIONS { MOST_DEVIATIONS / size } else { 1.0 };
@@ -239,9 +239,9 @@ impl ParameterPrior {
     }
 
     /// Covariance of the base parameters, `[rank, rank]`.
-    pub fn covariance(&self) -> Mat<f64> {
+    pub fn covariance(&self) -> Matrix {
         let root = self.root();
-        root.transpose() * &root
+        (root.transpose() * &root).into()
     }
 
     /// Root A of the covariance AᵀA, `[parameters of the set, rank]`.
@@ -256,7 +256,7 @@ impl ParameterPrior {
     /// Prior rows `[P | p]`, `[rank, rank + 1]`, in units of one standard deviation: P (base -
     /// mean) is standard normal, so that P base = p are equations to be put below data that are in
     /// units of their noise.
-    pub fn rows(&self) -> Mat<f64> {
+    pub fn rows(&self) -> Matrix {
         let (root, mean) = (self.root(), self.mean());
         let rank = mean.len();
         // Scaled to columns of length one, so that units do not spoil the factor.
@@ -271,7 +271,7 @@ impl ParameterPrior {
             inverse.as_mut(),
             faer::Par::Seq,
         );
-        Mat::from_fn(rank, rank + 1, |i, j| match j < rank {
+        Matrix::from_fn(rank, rank + 1, |i, j| match j < rank {
             true => inverse[(i, j)] / size[j],
             false => (0..=i).map(|k| inverse[(i, k)] / size[k] * mean[k]).sum(),
         })
@@ -294,7 +294,7 @@ impl ParameterPrior {
         let r = data.as_ref().submatrix(0, 0, rank, rank);
         let information = r.transpose() * r;
         estimate.covariance =
-            self.posterior(data).covariance(&(&information * of_data * &information));
+            self.posterior(data).covariance(&(&information * of_data * &information)).into();
     }
 
     /// Root mean square of what the robot file leaves of each joint's torque, N·m (N), `[n]`.
@@ -387,7 +387,8 @@ impl ParameterPrior {
         };
         let constrained: Vec<usize> =
             self.non_negative.iter().copied().filter(|k| !insisted(k)).collect();
-        Posterior { values: non_negative(&system, &constrained, &kept), root, rows, refused }
+        let values = non_negative(&system, &constrained, &kept);
+        Posterior { values, root, rows: rows.into(), refused }
     }
 }
 

@@ -180,8 +180,8 @@ fn estimate(task: EstimatorTask<'_, '_>, start: Estimate) -> Result<Estimate, Id
     let mut notes = start.notes.clone();
     notes.push(format!("the estimate rests on the last {:.0} rows", fit.effective_rows()));
     Ok(Estimate {
-        covariance,
-        whitened: faer::Scale(1.0 / unit) * &fit.factor,
+        covariance: covariance.into(),
+        whitened: (faer::Scale(1.0 / unit) * &fit.factor).into(),
         unit,
         values: solution.values,
         notes,

@@ -70,5 +70,5 @@ fn estimate(task: EstimatorTask<'_, '_>, start: Estimate) -> Result<Estimate, Id
         });
     let system = triangle(all.as_ref());
     let solution = Solution::new(&system, nominal);
-    Ok(Estimate { covariance: solution.inverse.clone(), values: solution.values, ..start })
+    Ok(Estimate { covariance: solution.inverse.clone().into(), values: solution.values, ..start })
 }

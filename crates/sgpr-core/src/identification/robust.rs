@@ -74,9 +74,9 @@ fn estimate(
         / rows as f64;
     Ok(Estimate {
         values,
-        covariance,
+        covariance: covariance.into(),
         noise: scales.all.clone(),
-        whitened: faer::Scale(1.0 / memory.sqrt()) * system,
+        whitened: (faer::Scale(1.0 / memory.sqrt()) * system).into(),
         unit: memory.sqrt(),
         log_shares: scales.shares(),
         weights: scales

@@ -78,7 +78,7 @@ fn estimate(
     // To first order the noise of the columns adds to that of the torque.
     let of_columns = noise * squares.sqrt();
     let growth = 1.0 + of_columns * of_columns;
-    start.covariance = faer::Scale(growth) * start.covariance;
+    start.covariance = (faer::Scale(growth) * &*start.covariance).into();
     start.notes.push(if of_columns < 1.0 {
         format!(
             "the noise of the columns adds {:.1} % to that of the torque",

@@ -27,8 +27,8 @@ impl Task<'_> {
     ) -> Forecast {
         let deviation = LONGER.map(|longer| {
             let covariance = match held {
-                _ if longer == 1.0 => estimate.covariance.clone(),
-                None => faer::Scale(1.0 / longer) * &estimate.covariance,
+                _ if longer == 1.0 => (*estimate.covariance).clone(),
+                None => faer::Scale(1.0 / longer) * &*estimate.covariance,
                 Some(held) => faer::Scale(dispersion * dispersion) * held.covariance_with(longer),
             };
             deviation_of(&covariance, &states, self.robot.dof())

@@ -168,8 +168,9 @@ impl Task<'_> {
             let bare =
                 if may_be_bare { self.bare(method, equations, &flat, correlation)? } else { None };
             let bare =
-                bare.filter(|bare| self.knows_more_than_file(&(wider * &bare.covariance), &flat));
-            let doubt_at = |pace, of: &Estimate| self.doubt(&(wider * &of.covariance), &flat, pace);
+                bare.filter(|bare| self.knows_more_than_file(&(wider * &*bare.covariance), &flat));
+            let doubt_at =
+                |pace, of: &Estimate| self.doubt(&(wider * &*of.covariance), &flat, pace);
             let doubt = |of: &Estimate| doubt_at(Pace::Usual, of);
             let bare = bare.filter(|bare| !doubt_at(Pace::OfFastestJoint, bare).stands_out());
             let doubt_of_bare = bare.as_ref().map_or(Doubt::ENDLESS, doubt);
@@ -267,7 +268,7 @@ impl Task<'_> {
     ) -> Result<Held, IdentificationError> {
         let doubt = |held: &Held| {
             let covariance =
-                faer::Scale(self.dispersion(held).as_seen.powi(2)) * &held.estimate.covariance;
+                faer::Scale(self.dispersion(held).as_seen.powi(2)) * &*held.estimate.covariance;
             self.doubt(&covariance, &held.prior, Pace::Usual).median
         };
         let (mut least, mut best) = (doubt(&held), held);

@@ -46,7 +46,7 @@ fn prior_rows_are_the_inverse_root_of_the_covariance() {
     let rank = experiment.base.rank();
     let (rows, covariance) = (prior.rows(), prior.covariance());
     let p = rows.as_ref().subcols(0, rank);
-    let identity = p * &covariance * p.transpose();
+    let identity = p * covariance.as_ref() * p.transpose();
     for i in 0..rank {
         for j in 0..rank {
             assert!(

@@ -2,9 +2,11 @@
 
 mod column_selection;
 mod decompositions;
+mod matrix;
 mod triangular_factor;
 
 pub use column_selection::{ColumnSelection, select_columns};
+pub use matrix::Matrix;
 pub use triangular_factor::TriangularFactor;
 
 /// For [`crate::internal`].

@@ -3,6 +3,7 @@
 use faer::linalg::matmul::triangular::{BlockStructure, matmul};
 use faer::{Accum, Mat, MatRef, Par, prelude::*};
 
+use super::Matrix;
 use super::decompositions::{cholesky, symmetric_eigen, triangle};
 
 /// Upper triangular R with RᵀR = WᵀW for the rows of W seen so far.
@@ -115,12 +116,13 @@ impl TriangularFactor {
     }
 
     /// The factor R, `[k, k]`, upper triangular with a non-negative diagonal.
-    pub fn factor(&self) -> Mat<f64> {
+    pub fn factor(&self) -> Matrix {
         let mut complete = self.clone();
         complete.absorb();
         complete
             .stage
             .map_or_else(|| Mat::zeros(self.columns, self.columns), |stage| stage.factor())
+            .into()
     }
 
     fn absorb(&mut self) {
@@ -429,7 +431,7 @@ mod tests {
             (squares, sum) = (squares + x * x, sum + x);
         }
         let r = factor.factor();
-        let gram = r.transpose() * &r;
+        let gram = r.transpose() * r.as_ref();
         let expected = [[squares, 0.0, sum], [0.0; 3], [sum, 0.0, 3000.0]];
         for (i, row) in expected.iter().enumerate() {
             for (j, value) in row.iter().enumerate() {

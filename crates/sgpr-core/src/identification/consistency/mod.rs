@@ -40,7 +40,7 @@ pub use prices::{Costs, Price, Stage};
 
 use super::parameter_scales::{LinkSize, nominal_links, parameter_scales};
 use super::{BaseParameters, IdentificationError, ParameterSet};
-use crate::linalg::symmetric_eigen;
+use crate::linalg::{Matrix, symmetric_eigen};
 use crate::robot::Robot;
 use crate::spatial::{LinkInertia, PARAMETERS_PER_LINK, Vector3};
 use bounds::{BadBound, Bound};
@@ -167,7 +167,7 @@ impl Consistency {
         robot: &Robot,
         set: &ParameterSet,
         base: &BaseParameters,
-        whitened: &Mat<f64>,
+        whitened: &Matrix,
         nominal: &[f64],
         torque: &[f64],
     ) -> Result<ConsistentParameters, IdentificationError> {

@@ -5,13 +5,13 @@
 //! Something that the model lacks is imitated by inertias that no body has, and the price says at
 //! which link.
 
-use faer::Mat;
 use serde::{Deserialize, Serialize};
 
 use super::program::ConicStatus;
 use super::{ACTIVE, Consistency, ConsistencyTask, Distance, Limit, MARGIN, Prior, added_residual};
 use crate::identification::parameter_scales::nominal_links;
 use crate::identification::{BaseParameters, IdentificationError, ParameterSet};
+use crate::linalg::Matrix;
 use crate::robot::Robot;
 
 /// What the limits of an arm cost.
@@ -72,7 +72,7 @@ impl Consistency {
         robot: &Robot,
         set: &ParameterSet,
         base: &BaseParameters,
-        whitened: &Mat<f64>,
+        whitened: &Matrix,
         nominal: &[f64],
         torque: &[f64],
     ) -> Result<Costs, IdentificationError> {

@@ -249,7 +249,11 @@ fn of_column(factor: &JointFactor, later: usize, index: usize) -> JointFactor {
         (false, false) => below.norm_l2(),
     };
     let triangle = Mat::from_fn(count + 1, count + 1, entry);
-    JointFactor { columns: factor.columns[..count].to_vec(), factor: triangle, ..factor.clone() }
+    JointFactor {
+        columns: factor.columns[..count].to_vec(),
+        factor: triangle.into(),
+        ..factor.clone()
+    }
 }
 
 impl Residuals {

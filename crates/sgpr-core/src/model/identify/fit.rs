@@ -249,7 +249,7 @@ impl Setup<'_> {
             }
         };
         set_uncertainty(options, equations, (factors, correlation), &mut estimate, held.as_ref())?;
-        estimate.covariance *= faer::Scale(dispersion.deviation.powi(2));
+        *estimate.covariance *= faer::Scale(dispersion.deviation.powi(2));
         let mut forecast = None;
         if options.forecast
             && let Some(states) = self.source.states()?
@@ -379,12 +379,13 @@ impl Setup<'_> {
         Estimated { estimate, held, .. }: &Estimated,
     ) -> Result<(ConsistentParameters, Mat<f64>), IdentifyError> {
         let solve = |whitened: &Mat<f64>| {
-            consistency.solve(self.robot, self.set, self.base, whitened, self.start, torque)
+            let whitened = whitened.clone().into();
+            consistency.solve(self.robot, self.set, self.base, &whitened, self.start, torque)
         };
         // What the prior holds it holds here, too, beside rows that count as they did there.
         let mut whitened = match held {
             Some(held) => held.prior.beside(&held.data),
-            None => estimate.whitened.clone(),
+            None => (*estimate.whitened).clone(),
         };
         let mut found = solve(&whitened)?;
         for _ in 0..if self.options.method.reweights() { REWEIGHTINGS } else { 0 } {
@@ -417,7 +418,8 @@ impl Setup<'_> {
         Estimated { estimate, notes, .. }: &mut Estimated,
     ) -> Result<(Costs, Option<KeptOut>), IdentifyError> {
         let (robot, set, base) = (self.robot, self.set, self.base);
-        let costs = consistency.costs(robot, set, base, whitened, self.start, torque)?;
+        let costs =
+            consistency.costs(robot, set, base, &whitened.clone().into(), self.start, torque)?;
         let mut kept_out = None;
         // Least squares leaves one unit of variance per parameter to chance; a limit can take at
         // most as much of it.

@@ -18,6 +18,7 @@ use crate::identification::{
     Method, Observation, ParameterSet, Row, ShiftedTorques, Trajectory, piece_of, screen_factors,
     screen_scale, stacked,
 };
+use crate::linalg::Matrix;
 use crate::model::identify::key_of;
 use crate::motion::{Conditioning, Motion, Processing};
 use crate::recording::{Issue, Recording, inspect};
@@ -385,6 +386,7 @@ fn memory(
     }
     let of_factor = |(factor, products): (&JointFactor, LagProducts)| {
         let (sums, counts) = products.finish();
+        let sums = sums.into_iter().map(Matrix::from).collect();
         RecordMemory { joint: factor.joint, resting: factor.resting, sums, counts }
     };
     Ok(factors.iter().zip(products).map(of_factor).collect())

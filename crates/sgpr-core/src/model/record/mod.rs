@@ -19,8 +19,6 @@ mod suspects;
 
 use std::collections::BTreeMap;
 
-use faer::Mat;
-
 pub use super::extent::JointExtent;
 pub use deviation::{Deviation, JointDeviation, ParameterDeviation, deviations};
 pub use error::RecordError;
@@ -32,6 +30,7 @@ pub use suspects::{RecordDiagnosis, Suspect, SuspectTest, diagnose_records};
 use serde::{Deserialize, Serialize};
 
 use crate::identification::JointFactor;
+use crate::linalg::Matrix;
 use crate::motion::Processing;
 
 /// What a log says about the parameters of a robot.
@@ -107,7 +106,7 @@ pub struct RecordMemory {
     pub resting: bool,
     /// Per group of lags, symmetric: of all columns of the joint's factor, with the residual of
     /// [`Record::center`] in the place of the torque; of that residual alone if `[1, 1]`.
-    pub sums: Vec<Mat<f64>>,
+    pub sums: Vec<Matrix>,
     /// Number of products in each.
     pub counts: Vec<usize>,
 }

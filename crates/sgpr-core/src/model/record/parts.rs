@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{JointExtent, Record, RecordBlock, RecordError, RecordFinding, RecordMemory, Suspect};
 use crate::identification::{JointFactor, lag_groups};
+use crate::linalg::Matrix;
 use crate::motion::Processing;
 use crate::recording::Severity;
 
@@ -116,7 +117,7 @@ impl Record {
             MemoryHead {
                 joint,
                 resting,
-                width: memory.sums.first().map_or(0, Mat::ncols),
+                width: memory.sums.first().map_or(0, Matrix::ncols),
                 counts: counts.clone(),
             }
         };
@@ -147,7 +148,7 @@ impl Record {
             self.blocks.iter().flat_map(|block| block.factors.iter().chain(&block.suspected));
         let factors = of_blocks.map(|factor| &factor.factor);
         let products = self.memory.iter().flat_map(|memory| &memory.sums);
-        let numbers = factors.chain(products).flat_map(upper_triangle).collect();
+        let numbers = factors.chain(products).flat_map(|matrix| upper_triangle(matrix)).collect();
         (serde_json::to_string(&head).expect("plain data"), numbers)
     }
 
@@ -274,14 +275,17 @@ impl FactorHead {
         let own = triangle_of(columns.len() + 1, rest)?;
         let factor =
             Mat::from_fn(own.nrows(), own.ncols(), |i, j| if i <= j { own[(i, j)] } else { 0.0 });
-        Ok(JointFactor { joint, resting, columns, factor, rows, least_noise: 0.0 })
+        Ok(JointFactor { joint, resting, columns, factor: factor.into(), rows, least_noise: 0.0 })
     }
 }
 
 impl MemoryHead {
     fn with_numbers(self, rest: &mut &[f64]) -> Result<RecordMemory, String> {
         let Self { joint, resting, width, counts } = self;
-        let sums = counts.iter().map(|_| triangle_of(width, rest)).collect::<Result<_, _>>()?;
+        let sums = counts
+            .iter()
+            .map(|_| triangle_of(width, rest).map(Matrix::from))
+            .collect::<Result<_, _>>()?;
         Ok(RecordMemory { joint, resting, sums, counts })
     }
 }

@@ -16,6 +16,7 @@ use crate::identification::{
     BaseParameters, Equations, EstimatorNeeds, JointFactor, ParameterSet, piece_of, residual_norm,
     rows_per_independent_row, stacked,
 };
+use crate::linalg::Matrix;
 use crate::progress::Progress;
 use crate::robot::Robot;
 
@@ -283,7 +284,7 @@ pub(super) fn check(
             return Err(RecordError::Malformed { message });
         }
         let own_columns = |memory: &RecordMemory| {
-            let width = memory.sums.first().map_or(1, Mat::ncols);
+            let width = memory.sums.first().map_or(1, Matrix::ncols);
             let same = |factor: &&JointFactor| {
                 (factor.joint, factor.resting) == (memory.joint, memory.resting)
             };

@@ -600,7 +600,7 @@ fn restricted(factor: &JointFactor, rank: usize, extra: &[usize]) -> JointFactor
     let columns = kept.iter().filter_map(|k| place(factor.columns[*k])).collect();
     let column = |j: usize| kept.get(j).copied().unwrap_or(count);
     let all = Mat::from_fn(count + 1, kept.len() + 1, |i, j| factor.factor[(i, column(j))]);
-    JointFactor { columns, factor: crate::linalg::triangle(all.as_ref()), ..factor.clone() }
+    JointFactor { columns, factor: crate::linalg::triangle(all.as_ref()).into(), ..factor.clone() }
 }
 
 /// Squares of what two fits predict differently on the rows of a factor, (N·m)² (N²).
@@ -641,7 +641,7 @@ fn products_of(factors: &[JointFactor], levels: &[[f64; 2]], width: usize) -> Ma
         if weight == 0.0 {
             continue;
         }
-        let gram = factor.factor.transpose() * &factor.factor;
+        let gram = factor.factor.transpose() * &*factor.factor;
         let place = |k: usize| factor.columns.get(k).copied().unwrap_or(width);
         for i in 0..gram.nrows() {
             (0..gram.ncols()).for_each(|j| products[(place(i), place(j))] += weight * gram[(i, j)]);

@@ -178,7 +178,7 @@ impl<'a> Arm<'a> {
                     session,
                     JointFactor {
                         columns: unknowns,
-                        factor: triangle(wide.as_ref()),
+                        factor: triangle(wide.as_ref()).into(),
                         ..factor.clone()
                     },
                 ));
@@ -302,7 +302,7 @@ impl<'a> Arm<'a> {
             (0..state.factors.len()).filter(|k| state.factors[*k].0 == session).collect();
         let estimate = Estimate {
             values: state.values[session].clone(),
-            covariance,
+            covariance: covariance.into(),
             noise: of_session.iter().map(|k| state.estimate.noise[*k]).collect(),
             ..state.estimate.clone()
         };
