@@ -2,7 +2,7 @@
 
 use std::ffi::{CStr, c_char};
 
-use sgpr_predict::stream::{Predictor, Purpose, RestOptions, StreamOptions};
+use sgpr_predict::stream::{Predictor, Purpose, ResidualOptions, StreamOptions};
 
 use crate::failure::{Code, Failure, code};
 use crate::model::sgpr_model;
@@ -172,8 +172,9 @@ fn made(
     stream: &StreamOptions,
     deviation: bool,
 ) -> Result<Box<sgpr_predictor>, Failure> {
-    let inner =
-        model.inner.predictor_with(stream, &RestOptions::default().with_deviation(deviation))?;
+    let inner = model
+        .inner
+        .predictor_with(stream, &ResidualOptions::default().with_deviation(deviation))?;
     let zeros = || vec![0.0; inner.dof()];
     Ok(Box::new(sgpr_predictor {
         last_torque: zeros(),

@@ -18,7 +18,7 @@ use sgpr_core::model::{
 use sgpr_core::recording::csv;
 use sgpr_core::robot::{Robot, UrdfOptions, puma560};
 use sgpr_predict::model::StreamedModel;
-use sgpr_predict::stream::RestOptions;
+use sgpr_predict::stream::ResidualOptions;
 
 const RATE_HZ: f64 = 250.0;
 const HERE: &str = env!("CARGO_MANIFEST_DIR");
@@ -150,7 +150,7 @@ impl Case {
     fn sure() -> Self {
         let file = learned_model().to_bytes();
         let options = StreamOptions::default().with_rate_hz(Some(RATE_HZ));
-        let rest = RestOptions::default().with_deviation(true);
+        let rest = ResidualOptions::default().with_deviation(true);
         let model = StreamedModel::from_bytes(&file, "file").expect("just written");
         let predictor = model.predictor_with(&options, &rest).expect("streams");
         Self::with(&file, predictor, expected_with_deviation)

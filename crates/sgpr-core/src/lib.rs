@@ -18,7 +18,7 @@
 //! - [`simulation`]: an arm that moves under a controller
 //! - [`control`]: compensation, torque from outside
 //! - [`export`]: models as source files in C and Rust
-//! - [`online`]: models that learn while the arm runs: a payload, a rest that changes
+//! - [`online`]: models that learn while the arm runs: a payload, a residual that changes
 //! - [`excitation`]: motions that reveal the parameters
 //! - [`diagnosis`]: which physical effect the model lacks
 //! - [`progress`]: how long work reports and is stopped

@@ -15,9 +15,9 @@ use sgpr_core::dynamics::{Samples, Workspace, rnea};
 use sgpr_core::effects::{Site, by_name};
 use sgpr_core::gp::{Compute, Inference, Precision, PredictorOptions};
 use sgpr_core::model::{
-    Coverage, IdentifyOptions, Inputs, Mean, RestOptions, SemiParametricError, SemiParametricModel,
-    SemiParametricOptions, Start, StreamOptions, StreamedModel, Term, TorqueModel, compare,
-    fit_rest, fit_semi_parametric, identify,
+    Coverage, IdentifyOptions, Inputs, Mean, ResidualOptions, SemiParametricError,
+    SemiParametricModel, SemiParametricOptions, Start, StreamOptions, StreamedModel, Term,
+    TorqueModel, compare, fit_rest, fit_semi_parametric, identify,
 };
 use sgpr_core::motion::Motion;
 use sgpr_core::progress::{Interrupted, Progress};
@@ -636,10 +636,10 @@ fn a_controller_reads_the_same(bytes: &[u8], model: &SemiParametricModel, motion
     let read = StreamedModel::from_bytes(bytes, "file").expect("just written");
     assert!(read.learned());
     let stream = StreamOptions::default();
-    let rest = RestOptions::default().with_deviation(true);
+    let rest = ResidualOptions::default().with_deviation(true);
     let mut sure = read.predictor_with(&stream, &rest).expect("small");
     let mut mean = read.predictor(&stream).expect("no variance");
-    let single = RestOptions::default().with_precision(Precision::Single);
+    let single = ResidualOptions::default().with_precision(Precision::Single);
     let mut single = read.predictor_with(&stream, &single).expect("no variance");
     let means = PredictorOptions::default().with_variance_rank(Some(0));
     let mut own = model.predictor(means, &stream).expect("no variance");

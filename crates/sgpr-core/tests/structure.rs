@@ -1,5 +1,5 @@
-//! What holds in the sources and no compiler asks for: one meaning for each name of a type, room for
-//! fields that are not there yet, no circle of modules. The lists only get shorter.
+//! What holds in the sources and no compiler asks for: one meaning for each name of a type, room
+//! for fields that are not there yet, no circle of modules. The lists only get shorter.
 #![allow(missing_docs)]
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -81,7 +81,7 @@ const INSIDE: [&str; 17] = [
     "JointExtent",
     "JointRanges",
     "Parts",
-    "RestJoint",
+    "ResidualJoint",
     "Sampler",
     "VarianceParts",
     "WeightRows",

@@ -2,8 +2,8 @@
 //! likelihood, a sparse process for more data than exact inference can take, and predictors for
 //! controllers.
 //!
-//! y = f(x) + noise, f ~ GP(0, k), one process per output. What is learned is the rest that a
-//! physical model leaves over, so the prior mean is zero: far from the data the prediction returns
+//! y = f(x) + noise, f ~ GP(0, k), one process per output. What is learned is the residual of a
+//! physical model, so the prior mean is zero: far from the data the prediction returns
 //! to the physics, and its variance to k(x, x).
 //!
 //! Source: C. E. Rasmussen, C. K. I. Williams, Gaussian Processes for Machine Learning (2006);

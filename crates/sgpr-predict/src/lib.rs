@@ -14,7 +14,7 @@
 //! - [`model`]: a model, and its file
 //! - [`stream`]: the predictor
 //! - [`control`]: compensation, torque from outside
-//! - [`online`]: models that learn while the arm runs: a payload, a rest that changes
+//! - [`online`]: models that learn while the arm runs: a payload, a residual that changes
 //!
 //! `sgpr-core` identifies and diagnoses such models. It builds on this crate with the features
 //! `simd`, `trajectories`, `expressions` and `files`, so that there is one implementation of each

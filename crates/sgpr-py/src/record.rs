@@ -284,8 +284,8 @@ pub fn choose_processing(
 /// blocks : int, default 5
 ///     Parts of the log, of equal length, that keep factors of their own.
 /// counted : (int, int), optional
-///     Part of the log that counts, from the first stamp to before the second, ns; the rest only
-///     settles filters. For a piece of a long log.
+///     Part of the log that counts, from the first stamp to before the second, ns; what is before
+///     and after only settles filters. For a piece of a long log.
 /// lags : bool, default True
 ///     Whether products of rows some time apart are kept, three quarters of the record: then
 ///     several records together have the standard deviations of their logs. Without, each log's own

@@ -123,7 +123,7 @@ impl FittedSemiParametric {
         }
     }
 
-    /// What the processes are the rest of.
+    /// The physics whose residual the processes learn.
     #[getter]
     fn mean(&self) -> &'static str {
         match self.inner.mean() {

@@ -45,7 +45,7 @@ pub struct Repair {
 /// The rate to resample to.
 ///
 /// The steps are whole nanoseconds. Positions are interpolated by cubics (Catmull-Rom slopes for
-/// unequal steps), the rest linearly. Nothing is filtered: before a much lower rate, filter.
+/// unequal steps), all else linearly. Nothing is filtered: before a much lower rate, filter.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Resample {
     /// One over the median step.

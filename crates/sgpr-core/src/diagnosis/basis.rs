@@ -68,7 +68,7 @@ impl Noise {
         Self { phi: vec![vec![]; residual.len()], sigma: level.clone(), level }
     }
 
-    /// The autoregression that describes the rest of each joint best by Akaike's criterion.
+    /// The autoregression that describes the residual of each joint best by Akaike's criterion.
     pub fn of(problem: &Problem, rests: &[Rest]) -> Self {
         // Whatever the fit says, no model of an arm is right to five digits.
         let least = |joint: usize| (LEAST_SHARE * rms(&problem.y[joint])).max(1e-12);

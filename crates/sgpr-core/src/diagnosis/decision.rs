@@ -5,8 +5,8 @@
 //!
 //! 1. Where such a process could still predict what matters beside the effects, or predicts better
 //!    than they do, they may only imitate a law that no catalogue has. An effect that is there
-//!    makes the rest of that law smaller: the process needs less variance beside it, and the two
-//!    together have more evidence. One that imitates does not.
+//!    makes what is left of that law smaller: the process needs less variance beside it, and the
+//!    two together have more evidence. One that imitates does not.
 //! 2. The probability of an effect is its weight among its alternatives: none, its rivals in its
 //!    place or beside it, the process.
 //! 3. What is there predicts parts of the logs better, too, that are far from what it was fitted

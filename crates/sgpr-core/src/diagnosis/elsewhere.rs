@@ -1,6 +1,6 @@
 //! How sure predictions are on motion that the logs do not show.
 //!
-//! Blocks and parts that were left out are motion like the rest. A term whose factors the logs
+//! Blocks and parts that were left out are motion like the others. A term whose factors the logs
 //! determine only together with others may predict them well, and run off at other positions: there
 //! the uncertainty of the parameters shows.
 
@@ -106,7 +106,7 @@ fn mean_variance(motions: &[StretchSamples], model: &TorqueModel) -> Vec<f64> {
 }
 
 /// By how much a new log may go beyond the positions that others show, each from the lowest to the
-/// highest: the root mean square of what each of them goes beyond the rest, to both sides, and of
+/// highest: the root mean square of what each of them goes beyond the others, to both sides, and of
 /// what is expected before, which counts as one more.
 fn beyond(logs: &[[f64; 2]]) -> f64 {
     let [low, high] = union(logs);

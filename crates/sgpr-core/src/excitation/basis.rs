@@ -217,7 +217,7 @@ fn orthonormal(vectors: Vec<Vec<f64>>, fixed: &[Vec<f64>]) -> Vec<Vec<f64>> {
             }
         }
         let left = norm(&vector);
-        // The period's end repeats its start to rounding; what is left of the rest is far more.
+        // The period's end repeats its start to rounding; of other motions far more is left.
         if left > 1e-8 {
             vector.iter_mut().for_each(|x| *x /= left);
             found.push(vector);

@@ -229,7 +229,7 @@ impl ClosedLoop<'_> {
 
 /// The speed of a joint that slides; of one that sticks, a trifle in proportion to its friction.
 ///
-/// - `held`: share of the friction that the spring holds, the damper gives the rest
+/// - `held`: share of the friction that the spring holds, the damper gives the remainder
 /// - `width`: speed at which the damper gives all of it; zero for a joint that always slides
 fn speed_or_friction(speed: f64, held: f64, width: f64) -> f64 {
     if width == 0.0 {

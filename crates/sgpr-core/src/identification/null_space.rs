@@ -6,7 +6,7 @@
 //! kinetic energy, gravity gives one for the potential.
 //!
 //! At a joint three things must vanish for a link that carries all that is behind it: what
-//! multiplies the square of the joint's speed, what multiplies the speed, and how the rest changes
+//! multiplies the square of the joint's speed, what multiplies the speed, and how the others change
 //! with the joint's position. A link of which all three vanish might as well be welded to the one
 //! before it, so its parameters move there, and the recursion goes on. The vectors that motion can
 //! reach form subspaces, closed under turning the joint: the smallest such subspaces are built by

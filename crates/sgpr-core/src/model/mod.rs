@@ -47,7 +47,7 @@ pub use semi_parametric::{
 pub(crate) use sgpr_predict::internal::{Sampler, StreamStart, TermSteps, times_of};
 pub use sgpr_predict::model::{StreamedModel, Term};
 pub use sgpr_predict::stream::{
-    Predictor, Purpose, RestOptions, SavedStates, StreamError, StreamOptions, UnknownPurpose,
+    Predictor, Purpose, ResidualOptions, SavedStates, StreamError, StreamOptions, UnknownPurpose,
 };
 pub use streaming::{StreamedMotion, compare_streaming};
 pub(crate) use terms::{AlongMotion, common_clock, seconds_since};

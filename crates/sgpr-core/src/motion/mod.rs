@@ -141,7 +141,7 @@ impl Motion {
     ///
     /// - `filter`: that of the equations
     pub(crate) fn settled(&self, filter: &LowPass) -> std::ops::Range<usize> {
-        /// A log that is short for its filter keeps the rest.
+        /// A log that is short for its filter keeps what is left.
         const MOST: f64 = 0.05;
         let samples = self.len();
         let Some(first) = self.inner.iter().position(|inner| *inner) else { return 0..0 };

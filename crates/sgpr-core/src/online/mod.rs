@@ -1,4 +1,5 @@
-//! A torque model that follows the arm while it runs: a payload picked up, and a rest that changes.
+//! A torque model that follows the arm while it runs: a payload picked up, and a residual that
+//! changes.
 //!
 //! The models are those of `sgpr-predict`; [`AdaptiveFeedForward`] lets a controller of the
 //! simulator use one.

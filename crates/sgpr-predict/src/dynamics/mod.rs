@@ -4,7 +4,7 @@
 //! Every function takes the [`Robot`](crate::robot::Robot), a workspace that owns all buffers, and
 //! its inputs, in this order, and allocates nothing. [`Workspace`] serves one sample at a time;
 //! `BatchWorkspace` (feature `simd`) serves whole logs, one sample per register lane. Only the
-//! rigid body is in here: friction, rotor inertia and the rest are [effects](crate::effects).
+//! rigid body is in here: friction, rotor inertia and all else are [effects](crate::effects).
 
 #[cfg(feature = "simd")]
 mod batch;

@@ -1,7 +1,7 @@
 //! Gaussian processes that are asked: kernels, means, variances. They are learned by `sgpr-core`,
 //! or [while the arm runs](crate::online).
 //!
-//! y = f(x) + noise, f ~ GP(0, k). What is learned is the rest that a physical model leaves over,
+//! y = f(x) + noise, f ~ GP(0, k). What is learned is the residual of a physical model,
 //! so the prior mean is zero: far from the data the prediction returns to the physics, and its
 //! variance to k(x, x).
 //!

@@ -47,7 +47,7 @@ enum Kind {
     Single(Core<f32>),
 }
 
-/// Points kept apart from the rest: as they enter, nothing moves or grows.
+/// Points kept apart from the others: as they enter, nothing moves or grows.
 #[derive(Clone, Debug)]
 struct Core<T> {
     plan: Plan,

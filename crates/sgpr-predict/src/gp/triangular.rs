@@ -91,7 +91,7 @@ impl WithSimd for Cholesky<'_> {
     }
 }
 
-/// Sum of the products: whole registers, and the rest one by one.
+/// Sum of the products: whole registers, and what is left one by one.
 #[inline(always)]
 fn dot<S: Simd>(simd: S, a: &[f64], b: &[f64]) -> f64 {
     let rest = S::as_simd_f64s(a).1.len();

@@ -13,7 +13,7 @@ use serde::Deserialize;
 
 use super::streamed::{LearnedBasis, LearnedJoint};
 use super::term::TermDescription;
-use super::{LearnedRest, ParameterSet, StreamedModel, Term};
+use super::{LearnedResidual, ParameterSet, StreamedModel, Term};
 use crate::effects::{self, Effect};
 use crate::gp::{Covariance, LearnedProcess, Seen};
 use crate::robot::Robot;
@@ -216,8 +216,8 @@ impl StreamedModel {
                 part("physics").ok_or_else(|| malformed("`physics` is missing".into()))??;
             let identified = part("identified").transpose()?;
             let head = serde_json::from_str(&archive.head).map_err(of_head)?;
-            model.rest =
-                Some(Arc::new(rest(head, &model, identified, &archive).map_err(malformed)?));
+            model.residual =
+                Some(Arc::new(residual(head, &model, identified, &archive).map_err(malformed)?));
             return Ok(model);
         }
         let PhysicsHead { fit, described } =
@@ -256,12 +256,12 @@ struct Report {
 }
 
 /// What was learned, checked.
-fn rest(
+fn residual(
     head: LearnedHead,
     model: &StreamedModel,
     identified: Option<StreamedModel>,
     archive: &Archive<'_>,
-) -> Result<LearnedRest, String> {
+) -> Result<LearnedResidual, String> {
     let n = model.dof();
     if head.joints.len() != n || identified.as_ref().is_some_and(|identified| identified.dof() != n)
     {
@@ -292,7 +292,7 @@ fn rest(
         None => None,
         Some(independent) => Some(basis(independent, model, &joints, archive)?),
     };
-    Ok(LearnedRest { joints, identified, basis, knows_parameters })
+    Ok(LearnedResidual { joints, identified, basis, knows_parameters })
 }
 
 fn process(

@@ -7,7 +7,7 @@ mod term;
 
 pub use file::ModelError;
 pub use parameter_set::{EffectColumn, ParameterSet, TrajectoryColumn};
-pub(crate) use streamed::LearnedRest;
+pub(crate) use streamed::LearnedResidual;
 pub use streamed::StreamedModel;
 pub use term::Term;
 

@@ -8,7 +8,7 @@ use crate::gp::LearnedProcess;
 use crate::robot::Robot;
 
 /// tau = rigid body(q, dq, ddq) + effects at every joint + effects at single sites + what was
-/// learned of the rest: a torque model without where it comes from.
+/// learned of the residual: a torque model without where it comes from.
 ///
 /// [`Self::predictor`] makes a [`Predictor`](crate::stream::Predictor) of it.
 #[derive(Clone, Debug)]
@@ -20,7 +20,7 @@ pub struct StreamedModel {
     parameters: Vec<f64>,
     terms: Vec<Term>,
     noise: Vec<f64>,
-    pub(crate) rest: Option<Arc<LearnedRest>>,
+    pub(crate) residual: Option<Arc<LearnedResidual>>,
 }
 
 impl StreamedModel {
@@ -32,7 +32,7 @@ impl StreamedModel {
         assert_eq!(parameters.len(), set.len(), "every parameter of the set");
         assert_eq!(set.dof(), robot.dof(), "a set of the robot");
         let robot = identified(robot, &set, &parameters);
-        Self { robot, set, parameters, terms: Vec::new(), noise: Vec::new(), rest: None }
+        Self { robot, set, parameters, terms: Vec::new(), noise: Vec::new(), residual: None }
     }
 
     /// The rigid body that a robot has by its file.
@@ -107,7 +107,7 @@ impl StreamedModel {
     /// Whether it has Gaussian processes of what its physics leaves over: that of a semi-parametric
     /// model file.
     pub fn learned(&self) -> bool {
-        self.rest.is_some()
+        self.residual.is_some()
     }
 
     pub(crate) fn joint_name(&self, joint: usize) -> String {
@@ -150,7 +150,7 @@ const MOST_FOR_DEVIATION: usize = 5_000;
 
 /// What a semi-parametric model has learned of what its physics leaves over.
 #[derive(Clone, Debug)]
-pub(crate) struct LearnedRest {
+pub(crate) struct LearnedResidual {
     pub joints: Vec<LearnedJoint>,
     /// The physics as it was identified, for the joints without a process, if there are some and it
     /// differs.
@@ -180,7 +180,7 @@ pub(crate) struct LearnedBasis {
     pub rows: Vec<Option<Vec<f64>>>,
 }
 
-impl LearnedRest {
+impl LearnedResidual {
     /// Whether a standard deviation can be computed; if not, for which joint, and why.
     pub fn check_deviation(&self) -> Result<(), (usize, String)> {
         if !self.knows_parameters {

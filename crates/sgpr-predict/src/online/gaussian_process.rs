@@ -288,7 +288,7 @@ impl OnlineGaussianProcess {
         like.max_by(|a, b| a.1.total_cmp(b.1)).map_or(0, |(index, _)| index)
     }
 
-    /// Row `index` leaves; what stands below it in its column goes into the factor of the rest.
+    /// Row `index` leaves; what stands below it in its column goes into the factor of the others.
     fn take_out(&mut self, index: usize) {
         let (n, width) = (self.count, self.budget.points);
         for row in index + 1..n {

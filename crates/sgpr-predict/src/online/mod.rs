@@ -1,10 +1,11 @@
-//! A torque model that follows the arm while it runs: a payload picked up, and a rest that changes.
+//! A torque model that follows the arm while it runs: a payload picked up, and a residual that
+//! changes.
 //!
 //! [`MotionFilter`] makes velocity and acceleration from encoders as they come; [`PayloadTracker`]
 //! estimates the ten inertial parameters of what a link holds, recursively;
-//! [`OnlineGaussianProcess`] learns the rest with a budget of points, which come and go by updates
-//! of one Cholesky factor. [`OnlineModel`] puts them on top of an identified model. No update
-//! allocates.
+//! [`OnlineGaussianProcess`] learns the residual with a budget of points, which come and go by
+//! updates of one Cholesky factor. [`OnlineModel`] puts them on top of an identified model. No
+//! update allocates.
 
 mod error;
 mod filter;

@@ -4,7 +4,7 @@ mod error;
 mod options;
 mod plain;
 mod predictor;
-mod rest;
+mod residual;
 mod sampler;
 mod start;
 mod steps;
@@ -13,12 +13,12 @@ pub use error::StreamError;
 pub use options::{Purpose, StreamOptions, UnknownPurpose};
 pub use plain::Plain;
 pub use predictor::{Predictor, SavedStates};
-pub use rest::RestOptions;
+pub use residual::ResidualOptions;
 use steps::TermSteps;
 
 /// For [`crate::internal`].
 pub(crate) mod parts {
-    pub use super::rest::{BasisParts, RestJoint, RestPredictor, base_value, together};
+    pub use super::residual::{BasisParts, ResidualJoint, ResidualPredictor, base_value, together};
     pub use super::sampler::Sampler;
     pub use super::start::StreamStart;
     pub use super::steps::TermSteps;

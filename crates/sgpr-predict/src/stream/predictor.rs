@@ -2,7 +2,7 @@ use alloc::boxed::Box;
 use alloc::string::{String, ToString};
 use alloc::vec::Vec;
 
-use super::rest::{PhysicsAtSample, RestOptions, RestPredictor};
+use super::residual::{PhysicsAtSample, ResidualOptions, ResidualPredictor};
 use super::sampler::{Buffers, Sampler};
 use super::start::StreamStart;
 use super::steps::TransformSteps;
@@ -66,7 +66,7 @@ pub struct Predictor<F: Plain = f64> {
     fallible: bool,
     start: StreamStart<F::Number>,
     /// Of a learned model.
-    rest: Option<Box<RestPredictor>>,
+    residual: Option<Box<ResidualPredictor>>,
     /// For the joints without a process, where it differs from the physics.
     identified: Option<Box<Self>>,
     tau: Vec<F>,
@@ -107,7 +107,7 @@ impl StreamedModel {
     /// If a rate is needed and none given, or no number above zero; if an effect cannot be
     /// streamed; if an effect to keep is none of the model.
     pub fn predictor(&self, options: &StreamOptions) -> Result<Predictor, StreamError> {
-        self.predictor_with(options, &RestOptions::default())
+        self.predictor_with(options, &ResidualOptions::default())
     }
 
     /// The same with another arithmetic of the processes of a learned model, or with a standard
@@ -119,9 +119,9 @@ impl StreamedModel {
     pub fn predictor_with(
         &self,
         options: &StreamOptions,
-        rest: &RestOptions,
+        residual: &ResidualOptions,
     ) -> Result<Predictor, StreamError> {
-        self.predictor_of(options, rest)
+        self.predictor_of(options, residual)
     }
 
     /// The same in 32 bits, for processors that compute with no other numbers: of the motion, the
@@ -150,23 +150,26 @@ impl StreamedModel {
         &self,
         options: &StreamOptions,
     ) -> Result<Predictor<F>, StreamError> {
-        self.predictor_of(options, &RestOptions { precision: F::PRECISION, deviation: false })
+        self.predictor_of(options, &ResidualOptions { precision: F::PRECISION, deviation: false })
     }
 
     pub(super) fn predictor_of<F: Plain>(
         &self,
         options: &StreamOptions,
-        rest: &RestOptions,
+        residual: &ResidualOptions,
     ) -> Result<Predictor<F>, StreamError> {
         let physics = self.physics_predictor(options)?;
-        match &self.rest {
+        match &self.residual {
             Some(learned) => {
-                let alone = RestOptions { deviation: false, ..*rest };
+                let alone = ResidualOptions { deviation: false, ..*residual };
                 let other = |model: &Self| model.predictor_of(options, &alone);
                 let identified = learned.identified.as_ref().map(other).transpose()?;
-                Ok(physics.with_rest(RestPredictor::of_file(self, learned, rest)?, identified))
+                Ok(physics.with_residual(
+                    ResidualPredictor::of_file(self, learned, residual)?,
+                    identified,
+                ))
             }
-            None if rest.deviation => Err(StreamError::NotLearned),
+            None if residual.deviation => Err(StreamError::NotLearned),
             None => Ok(physics),
         }
     }
@@ -208,7 +211,7 @@ impl StreamedModel {
             options: options.clone(),
             clock: SessionClock { rate_hz, origin: 0.0, steps: 0, at_start: true },
             start: StreamStart::AtRest,
-            rest: None,
+            residual: None,
             identified: None,
             tau: vec![F::default(); n],
             sampler,
@@ -298,8 +301,8 @@ impl<F: Plain> Predictor<F> {
     /// - `identified`: the model of the joints without a process, if it is another
     #[doc(hidden)]
     #[must_use]
-    pub fn with_rest(mut self, rest: RestPredictor, identified: Option<Self>) -> Self {
-        self.rest = Some(Box::new(rest));
+    pub fn with_residual(mut self, residual: ResidualPredictor, identified: Option<Self>) -> Self {
+        self.residual = Some(Box::new(residual));
         self.identified = identified.map(Box::new);
         self
     }
@@ -461,12 +464,12 @@ impl<F: Plain> Predictor<F> {
         }
     }
 
-    /// - `add_rest`: how what the processes say is added to the torque
+    /// - `add_residual`: how what the processes say is added to the torque
     fn take(
         &mut self,
         motion: [&[F]; 3],
         step: Option<f64>,
-        add_rest: impl FnOnce(&mut RestPredictor, &Self, &mut [F]),
+        add_residual: impl FnOnce(&mut ResidualPredictor, &Self, &mut [F]),
     ) -> Result<(), StreamError> {
         for (name, values) in ["q", "dq", "ddq"].into_iter().zip(motion) {
             self.check_array(name, values)?;
@@ -500,19 +503,19 @@ impl<F: Plain> Predictor<F> {
             self.restore(before);
             return Err(StreamError::EffectFailed { effect, reason });
         }
-        if let Some(mut rest) = self.rest.take() {
+        if let Some(mut residual) = self.residual.take() {
             let other = self.identified.as_mut();
             let other = other.map_or(Ok(()), |other| other.take(motion, step, add_means));
             if other.is_ok() {
                 let mut tau = core::mem::take(&mut self.tau);
-                rest.set_motion(motion);
+                residual.set_motion(motion);
                 if let Some(identified) = &self.identified {
-                    rest.replace(&mut tau, identified.last_torque());
+                    residual.replace(&mut tau, identified.last_torque());
                 }
-                add_rest(&mut rest, self, &mut tau);
+                add_residual(&mut residual, self, &mut tau);
                 self.tau = tau;
             }
-            self.rest = Some(rest);
+            self.residual = Some(residual);
             if let (Err(_), Some(before)) = (&other, &before) {
                 self.restore(before);
             }
@@ -562,7 +565,7 @@ impl Predictor {
     /// As [`Self::try_torque`].
     ///
     /// # Panics
-    /// If the predictor was made without a standard deviation ([`RestOptions`]).
+    /// If the predictor was made without a standard deviation ([`ResidualOptions`]).
     pub fn torque_and_deviation(
         &mut self,
         q: &[f64],
@@ -597,13 +600,13 @@ impl Predictor {
         step: Option<f64>,
     ) -> Result<(&[f64], &[f64]), StreamError> {
         assert!(
-            self.rest.as_ref().is_some_and(|rest| rest.with_deviation()),
+            self.residual.as_ref().is_some_and(|residual| residual.with_deviation()),
             "made with a standard deviation"
         );
-        self.take([q, dq, ddq], step, |rest, physics, tau| {
+        self.take([q, dq, ddq], step, |residual, physics, tau| {
             let Sampler { robot, transforms, buffers: Buffers { motion, links, .. }, .. } =
                 &physics.sampler;
-            rest.add_means_and_spread(
+            residual.add_means_and_spread(
                 &PhysicsAtSample {
                     robot,
                     links: if transforms.move_links() { links } else { motion },
@@ -614,7 +617,7 @@ impl Predictor {
                 tau,
             );
         })?;
-        Ok((&self.tau, self.rest.as_ref().map_or(&[], |rest| rest.deviation())))
+        Ok((&self.tau, self.residual.as_ref().map_or(&[], |residual| residual.deviation())))
     }
 
     /// Share of the variance of each joint's process that the logs have not explained, `[n]`, at
@@ -622,7 +625,7 @@ impl Predictor {
     /// logs to 1 far from all, 0 for a joint without a process. Above 0.95 the torque is that of
     /// the physics. Empty for a model without processes.
     pub fn novelty(&self) -> &[f64] {
-        self.rest.as_ref().map_or(&[], |rest| rest.novelty())
+        self.residual.as_ref().map_or(&[], |residual| residual.novelty())
     }
 
     /// Derivatives of a joint's torque by the coefficients of all terms of the model at the last
@@ -643,8 +646,8 @@ impl Predictor {
     }
 }
 
-fn add_means<F: Plain>(rest: &mut RestPredictor, _: &Predictor<F>, tau: &mut [F]) {
-    rest.add_means(tau);
+fn add_means<F: Plain>(residual: &mut ResidualPredictor, _: &Predictor<F>, tau: &mut [F]) {
+    residual.add_means(tau);
 }
 
 /// What a [`Predictor`] carries from call to call.

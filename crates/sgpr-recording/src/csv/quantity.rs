@@ -57,7 +57,7 @@ impl Quantity {
         }
     }
 
-    /// Symbols for it. They do not make the rest of a name a joint: `q_x` may be anything.
+    /// Symbols for it. They do not make another part of a name a joint: `q_x` may be anything.
     pub(super) fn symbols(self) -> &'static [&'static str] {
         match self {
             Self::Position => &["q", "qpos"],

@@ -216,7 +216,7 @@ pub fn inspect(recording: &Recording) -> Vec<Issue> {
 }
 
 /// What nothing is computed with before somebody repairs, states or confirms it: the errors of
-/// [`inspect`], without the work for the rest.
+/// [`inspect`], without the work for others.
 pub fn refusals(recording: &Recording) -> Vec<Issue> {
     let mut issues = time::issues(recording);
     issues.extend(values::errors(recording));

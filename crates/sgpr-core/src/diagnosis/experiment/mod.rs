@@ -179,7 +179,8 @@ struct Judge<'a> {
     /// Rows of the logs that are looked at, and the weight of each.
     rows: Vec<usize>,
     weight: f64,
-    /// The torque that the term brings in the logs, and the columns of the rest of the model there.
+    /// The torque that the term brings in the logs, and the columns of the other terms and
+    /// parameters of the model there.
     logs: (Vec<f64>, Vec<Vec<f64>>),
 }
 
@@ -239,7 +240,7 @@ impl<'a> Judge<'a> {
 
     /// Log of the Bayes factor that the logs alone give against an imitation.
     ///
-    /// - `basis`: of the rest of the model in the logs
+    /// - `basis`: of what else the model has in the logs
     fn now(&self, basis: &Basis, rival: &Rival) -> f64 {
         self.separation(basis, &self.logs.0, rival, &|term| self.columns_in_logs(term))
     }
@@ -390,7 +391,7 @@ struct Drawn {
     loaded: bool,
     /// The torque that the term brings.
     brought: Vec<f64>,
-    /// Columns of the rest of the model.
+    /// Columns of what else the model has.
     columns: Vec<Vec<f64>>,
 }
 
@@ -482,7 +483,7 @@ fn with_payload(model: &TorqueModel) -> TorqueModel {
 /// What the arm did in the logs: positions that it took, speeds and accelerations that it reached,
 /// within its limits.
 fn room(search: &Search<'_>) -> Room {
-    /// Share of the samples whose speeds and accelerations count as reached: the rest are spikes.
+    /// Share of the samples whose speeds and accelerations count as reached: the others are spikes.
     const COMMON: f64 = 0.995;
     let problem = &search.problem;
     let robot = problem.nominal.robot();

@@ -39,7 +39,7 @@ pub(super) const MOST_REFINED: usize = 8;
 pub(super) const FARTHEST_JUMP: i32 = 8;
 
 impl Search<'_> {
-    /// A term with other constants, the rest of the model refitted linearly.
+    /// A term with other constants, the others of the model refitted linearly.
     pub(super) fn with_constants(
         &self,
         fitted: &Fitted,
@@ -56,7 +56,7 @@ impl Search<'_> {
         self.candidate(term, gain, constants.len())
     }
 
-    /// The constants of a term searched coordinate by coordinate, the rest of the model refitted
+    /// The constants of a term searched coordinate by coordinate, the others of the model refitted
     /// linearly.
     pub fn refine(
         &self,

@@ -103,7 +103,7 @@ pub(super) struct Standing {
     pub errors: HeldOut,
 }
 
-/// What left-out blocks say of one more term, the rest of the model refitted linearly.
+/// What left-out blocks say of one more term, the others of the model refitted linearly.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Outlook {
     /// Gain of the log predictive density at the joints on which it acts.

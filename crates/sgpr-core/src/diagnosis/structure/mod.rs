@@ -54,7 +54,7 @@ pub struct Shares {
     /// A smooth function of position, speed, acceleration and load explains it on blocks of time
     /// that it has not seen.
     pub state: f64,
-    /// A function of time explains of the rest.
+    /// A function of time explains of what is left.
     pub time: f64,
     /// Neither does.
     pub noise: f64,

@@ -34,8 +34,8 @@ pub struct RecordOptions {
     pub effects: Vec<String>,
     /// Parts of equal length that keep factors of their own, at least one.
     pub blocks: usize,
-    /// Part of the log that counts, `[start, end)`, ns: the rest only settles filters. All of it if
-    /// `None`.
+    /// Part of the log that counts, `[start, end)`, ns: what is before and after only settles
+    /// filters. All of it if `None`.
     pub counted: Option<[i64; 2]>,
     /// Whether products of rows some time apart are kept of all columns: then several records have
     /// the standard deviations of their logs together. They are three quarters of a record; without

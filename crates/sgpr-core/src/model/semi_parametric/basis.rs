@@ -33,7 +33,7 @@ pub(super) struct ParameterBasis {
 
 impl ParameterBasis {
     pub fn new(covariance: Mat<f64>, rows: Vec<Option<Mat<f64>>>, joints: &[JointProcess]) -> Self {
-        let weights = rows.iter().zip(joints).map(|(rows, rest)| match (rows, &rest.gp) {
+        let weights = rows.iter().zip(joints).map(|(rows, residual)| match (rows, &residual.gp) {
             (Some(rows), Some(gp)) => {
                 let solved = gp.solve(rows);
                 (0..solved.ncols()).map(|k| solved.col_as_slice(k).to_vec()).collect()
@@ -74,8 +74,8 @@ impl ParameterBasis {
     /// sample after the other.
     pub fn explained(&self, joints: &[JointProcess]) -> Vec<Option<GpPredictor>> {
         let explained = joints.iter().zip(self.weights.iter().zip(&self.rows)).map(
-            |(rest, (weights, rows))| {
-                let gp = rest.gp.as_ref().filter(|_| rows.is_some() && !weights.is_empty())?;
+            |(residual, (weights, rows))| {
+                let gp = residual.gp.as_ref().filter(|_| rows.is_some() && !weights.is_empty())?;
                 let signal = &gp.covariance().signal;
                 Some(GpPredictor::weighing(signal, gp.x(), gp.inputs(), weights, Precision::Double))
             },
@@ -244,11 +244,11 @@ fn add_term_columns(
 
 /// For each joint: the linear terms as its process sees them, or at all rows if it has none.
 pub(super) fn terms(joints: &[JointProcess], rows: &[ResidualRows]) -> Vec<ProcessTerms> {
-    let of_joint = |(rest, rows): (&JointProcess, &ResidualRows)| {
+    let of_joint = |(residual, rows): (&JointProcess, &ResidualRows)| {
         let all = rows.terms.as_ref().expect("with the mean `joint`");
-        match &rest.gp {
-            Some(Process::Exact(_)) => ProcessTerms::at_rows(all, &rest.points),
-            Some(Process::Sparse(_)) => rest.evidence.terms(&rest.evidence.without(None)),
+        match &residual.gp {
+            Some(Process::Exact(_)) => ProcessTerms::at_rows(all, &residual.points),
+            Some(Process::Sparse(_)) => residual.evidence.terms(&residual.evidence.without(None)),
             None => ProcessTerms { matrix: all.clone(), of_rows: None },
         }
     };

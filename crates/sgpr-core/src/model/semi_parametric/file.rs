@@ -79,10 +79,10 @@ impl SemiParametricModel {
 
     /// The file's content.
     pub fn to_bytes(&self) -> Vec<u8> {
-        let joint = |rest: &JointProcess| Joint {
-            report: rest.report.clone(),
-            noise_variance: rest.noise_variance,
-            covariance: rest.gp.as_ref().map(|gp| gp.covariance().clone()),
+        let joint = |residual: &JointProcess| Joint {
+            report: residual.report.clone(),
+            noise_variance: residual.noise_variance,
+            covariance: residual.gp.as_ref().map(|gp| gp.covariance().clone()),
         };
         let head = Head {
             format: FORMAT.into(),
@@ -96,8 +96,8 @@ impl SemiParametricModel {
             values.flat_map(f64::to_le_bytes).collect::<Vec<u8>>()
         };
         let mut arrays = Vec::new();
-        for (joint, rest) in self.joints.iter().enumerate() {
-            let Some(gp) = &rest.gp else { continue };
+        for (joint, residual) in self.joints.iter().enumerate() {
+            let Some(gp) = &residual.gp else { continue };
             let mut push =
                 |name: &str, shape: Vec<usize>, values: &mut dyn Iterator<Item = f64>| {
                     arrays.push((format!("joint_{}.{name}", joint + 1), shape, encode(values)));
@@ -243,8 +243,8 @@ impl SemiParametricModel {
         }
         if head.mean == Mean::Joint {
             let covariance = matrix(tensors, "basis_covariance", unknowns, unknowns)?;
-            let rows = model.joints.iter().enumerate().map(|(joint, rest)| {
-                let gp = rest.gp.as_ref();
+            let rows = model.joints.iter().enumerate().map(|(joint, residual)| {
+                let gp = residual.gp.as_ref();
                 gp.map(|gp| {
                     matrix(tensors, &format!("joint_{}.basis", joint + 1), gp.len(), unknowns)
                 })

@@ -57,7 +57,7 @@ pub fn fit_semi_parametric(
 
 /// The same on top of physics that is there already, such as the model that a diagnosis has found
 /// the effects for: `physics` predicts with all its effects, hidden states and transforms included,
-/// and the processes learn the rest.
+/// and the processes learn the residual.
 ///
 /// The options of the identification are not used, except for how logs are processed if `physics`
 /// was not identified. `recordings` are best those that `physics` was identified from: what it
@@ -144,14 +144,14 @@ fn learn(
         let terms = basis::terms(&model.joints, &rows);
         let identified = model.physics.clone();
         estimate_again(&mut model, &rows, terms)?;
-        if lost && model.joints.iter().any(|rest| rest.gp.is_some()) {
+        if lost && model.joints.iter().any(|residual| residual.gp.is_some()) {
             model.identified = Some(identified);
         }
     }
     if options.mean == Mean::Physics {
         model.basis = ParameterBasis::of_physics(&model.physics);
     }
-    let learned = model.joints.iter().filter(|rest| rest.gp.is_some()).count();
+    let learned = model.joints.iter().filter(|residual| residual.gp.is_some()).count();
     model.physics.provenance.history.push(format!(
         "{} process of {learned} of {} joints on what is left over, at most {} points each",
         options.shape.name().replace('_', " "),
@@ -211,7 +211,7 @@ struct Relay<'a> {
 
 impl Progress for Relay<'_> {
     fn step(&self, stage: &'static str, _: usize, _: usize) -> Result<(), Interrupted> {
-        if stage == "rest" {
+        if stage == "residual" {
             self.done.fetch_add(1, Ordering::Relaxed);
         }
         if self.stopped.load(Ordering::Relaxed) { Err(Interrupted) } else { Ok(()) }
@@ -242,9 +242,11 @@ fn fit_joints(
         let mut found = Vec::new();
         if options.shared {
             return match fit_shared(rows, unseen, options, &compute, &relay) {
-                Ok(rests) => {
-                    rests.into_iter().enumerate().map(|(joint, rest)| (joint, Ok(rest))).collect()
-                }
+                Ok(residuals) => residuals
+                    .into_iter()
+                    .enumerate()
+                    .map(|(joint, residual)| (joint, Ok(residual)))
+                    .collect(),
                 Err(error) => vec![(0, Err(error))],
             };
         }
@@ -284,11 +286,13 @@ fn fit_joints(
         workers.into_iter().flat_map(join).collect::<Vec<_>>()
     });
     let mut joints: Vec<Option<JointProcess>> = (0..n).map(|_| None).collect();
-    for (joint, rest) in found {
-        joints[joint] = Some(rest?);
+    for (joint, residual) in found {
+        joints[joint] = Some(residual?);
     }
-    let joints =
-        joints.into_iter().map(|rest| rest.expect("every joint was taken by a worker")).collect();
+    let joints = joints
+        .into_iter()
+        .map(|residual| residual.expect("every joint was taken by a worker"))
+        .collect();
     Ok((joints, stopped.into_inner()))
 }
 
@@ -307,7 +311,7 @@ fn keep_what_gains(
     let mut lost = false;
     loop {
         let errors = errors_of_parts(model, rows, unseen, compute)?;
-        let joints = model.joints.iter().enumerate().filter(|(_, rest)| rest.gp.is_some());
+        let joints = model.joints.iter().enumerate().filter(|(_, residual)| residual.gp.is_some());
         let judged =
             joints.map(|(joint, _)| (joint, judge_together(&errors[joint], &unseen[joint].parts)));
         let uncertain = judged.filter(|(_, judged)| !judged.as_ref().is_some_and(saves));
@@ -315,10 +319,10 @@ fn keep_what_gains(
             |judged: &Option<Judgement>| judged.map_or(f64::NEG_INFINITY, |judged| judged.gain);
         let Some((joint, _)) = uncertain.min_by(|(_, a), (_, b)| gain(a).total_cmp(&gain(b)))
         else {
-            for (joint, rest) in
-                model.joints.iter_mut().enumerate().filter(|(_, rest)| rest.gp.is_some())
+            for (joint, residual) in
+                model.joints.iter_mut().enumerate().filter(|(_, residual)| residual.gp.is_some())
             {
-                (rest.report.calibration, rest.report.calibration_95) =
+                (residual.report.calibration, residual.report.calibration_95) =
                     calibration(&errors[joint], unseen[joint].parts.len());
             }
             return Ok(lost);
@@ -354,11 +358,11 @@ fn errors_of_parts(
         let is_in = |joint: usize, row: usize| part(joint).binary_search(&row).is_ok();
         let mut together = NormalEquations::new(model);
         let mut processes = Vec::with_capacity(rows.len());
-        for (joint, rest) in model.joints.iter().enumerate() {
-            let found = rest
+        for (joint, residual) in model.joints.iter().enumerate() {
+            let found = residual
                 .gp
                 .as_ref()
-                .map(|gp| without_part(gp, rest, &rows[joint], part(joint), index, compute));
+                .map(|gp| without_part(gp, residual, &rows[joint], part(joint), index, compute));
             processes.push(match found {
                 Some(found) => found?,
                 None => {
@@ -395,7 +399,7 @@ fn errors_of_parts(
 /// them; none if it has seen nothing else.
 fn without_part(
     gp: &Process,
-    rest: &JointProcess,
+    residual: &JointProcess,
     rows: &ResidualRows,
     part: &[usize],
     index: usize,
@@ -403,12 +407,12 @@ fn without_part(
 ) -> Result<Option<(Process, ProcessTerms)>, GpError> {
     match gp {
         Process::Exact(gp) => {
-            let is_other = |k: &usize| part.binary_search(&rest.points[*k]).is_err();
-            let others: Vec<usize> = (0..rest.points.len()).filter(is_other).collect();
+            let is_other = |k: &usize| part.binary_search(&residual.points[*k]).is_err();
+            let others: Vec<usize> = (0..residual.points.len()).filter(is_other).collect();
             if others.is_empty() {
                 return Ok(None);
             }
-            let points: Vec<usize> = others.iter().map(|&k| rest.points[k]).collect();
+            let points: Vec<usize> = others.iter().map(|&k| residual.points[k]).collect();
             let terms =
                 ProcessTerms::at_rows(rows.terms.as_ref().expect("with the mean `joint`"), &points);
             let gp =
@@ -416,8 +420,8 @@ fn without_part(
             Ok(Some((Process::Exact(gp), terms)))
         }
         Process::Sparse(sparse) => {
-            let evidence = rest.evidence.without(Some(index));
-            let terms = rest.evidence.terms(&evidence);
+            let evidence = residual.evidence.without(Some(index));
+            let terms = residual.evidence.terms(&evidence);
             Ok(Some((Process::Sparse(sparse.having_seen(&evidence, 0)?), terms)))
         }
     }
@@ -483,14 +487,14 @@ fn estimate_again(
 ) -> Result<(), SemiParametricError> {
     let rank = model.physics.base.rank();
     let mut equations = NormalEquations::new(model);
-    for (joint, (rest, terms)) in model.joints.iter().zip(&terms).enumerate() {
-        match &rest.gp {
+    for (joint, (residual, terms)) in model.joints.iter().zip(&terms).enumerate() {
+        match &residual.gp {
             Some(gp) => equations.add(gp.normal_equations(terms)),
             None => equations.add_rows(joint, &terms.matrix, &rows[joint].residual),
         }
     }
     let (change, covariance) = basis::solve(&equations.information, &equations.projection);
-    if model.joints.iter().all(|rest| rest.gp.is_none()) {
+    if model.joints.iter().all(|residual| residual.gp.is_none()) {
         model.basis = Some(ParameterBasis::new(covariance, vec![None; rows.len()], &model.joints));
         return Ok(());
     }
@@ -524,8 +528,8 @@ fn estimate_again(
         fit.values = values;
     }
     let change = Mat::from_fn(change.len(), 1, |k, _| change[k]);
-    for (rest, terms) in model.joints.iter_mut().zip(&terms) {
-        if let Some(gp) = &mut rest.gp {
+    for (residual, terms) in model.joints.iter_mut().zip(&terms) {
+        if let Some(gp) = &mut residual.gp {
             *gp = gp.without(terms, &change)?;
         }
     }
@@ -533,7 +537,7 @@ fn estimate_again(
         .joints
         .iter()
         .zip(terms)
-        .map(|(rest, terms)| rest.gp.is_some().then_some(terms.matrix))
+        .map(|(residual, terms)| residual.gp.is_some().then_some(terms.matrix))
         .collect();
     model.basis = Some(ParameterBasis::new(covariance, rows, &model.joints));
     Ok(())

@@ -111,7 +111,7 @@ impl JointProcess {
         let selections = options.inputs.map_or_else(|| distinct(n), |inputs| vec![inputs]);
         let mut stopped = false;
         for inputs in selections {
-            if progress.step("rest", report.candidates.len(), Inputs::EVERY.len()).is_err() {
+            if progress.step("residual", report.candidates.len(), Inputs::EVERY.len()).is_err() {
                 stopped = true;
                 break;
             }
@@ -472,9 +472,9 @@ fn less_certain_first(sums: impl Iterator<Item = [[f64; 2]; 2]>) -> [Judgement; 
 
 /// Whether a process whose hyperparameters, too, are from one half of the logs predicts the other
 /// half better than the physics alone, and the other way round. Those from all logs know which
-/// inputs matter in what is left out of the rest: along a path that no log shows others may. Errors
-/// must be smaller in size and square, the surer of the two for certain, as two halves tell little
-/// of what few large errors make.
+/// inputs matter in what is left out of the residual: along a path that no log shows others may.
+/// Errors must be smaller in size and square, the surer of the two for certain, as two halves tell
+/// little of what few large errors make.
 ///
 /// - `learn`: a process of some rows with their derivatives by linear parameters, if these are
 ///   estimated together with it

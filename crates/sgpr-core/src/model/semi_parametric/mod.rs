@@ -62,7 +62,7 @@ pub struct SemiParametricModel {
     stopped: bool,
 }
 
-/// What the processes are the rest of.
+/// The physics whose residual the processes learn.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Mean {
@@ -89,7 +89,7 @@ pub struct SemiParametricOptions {
     /// of a controller with an internal model, and the result is its error (case 2 of the thesis,
     /// 4-4).
     pub identify: IdentifyOptions,
-    /// What the processes are the rest of.
+    /// The physics whose residual the processes learn.
     pub mean: Mean,
     /// Kernel of the processes.
     pub shape: Shape,
@@ -165,7 +165,7 @@ pub enum SemiParametricError {
         /// Name of the inputs.
         inputs: &'static str,
     },
-    /// Physics to learn the rest of, and a mean that leaves it out.
+    /// Physics to learn the residual of, and a mean that leaves it out.
     #[error(
         "a mean of zero leaves out the physics that is given: fit to the robot, or choose the mean \
          `physics` or `joint`"
@@ -223,7 +223,7 @@ impl SemiParametricModel {
         self.report.as_deref()
     }
 
-    /// What the processes are the rest of.
+    /// The physics whose residual the processes learn.
     pub fn mean(&self) -> Mean {
         self.mean
     }
@@ -235,7 +235,7 @@ impl SemiParametricModel {
 
     /// What was learned, joint by joint.
     pub fn reports(&self) -> Vec<&JointReport> {
-        self.joints.iter().map(|rest| &rest.report).collect()
+        self.joints.iter().map(|residual| &residual.report).collect()
     }
 
     /// Hyperparameters of a joint's process by name; none without a process.
@@ -314,9 +314,9 @@ impl SemiParametricModel {
         let mut variance = vec![0.0; if with_deviation { tau.len() } else { 0 }];
         let mut novelty = variance.clone();
         let x = process_inputs(samples, n);
-        for (joint, rest) in self.joints.iter().enumerate() {
+        for (joint, residual) in self.joints.iter().enumerate() {
             let place = |k: usize| k * n + joint;
-            if let Some(gp) = &rest.gp {
+            if let Some(gp) = &residual.gp {
                 let prediction = gp.predict(&x, with_deviation)?;
                 let prior = gp.covariance().signal.variance();
                 prediction.mean.iter().enumerate().for_each(|(k, mean)| tau[place(k)] += mean);
@@ -341,8 +341,9 @@ impl SemiParametricModel {
             |of_parameters_alone: f64, factor: fn(&JointReport) -> f64| -> Vec<f64> {
                 let both = variance.iter().zip(&of_parameters).enumerate();
                 let half = |(k, (variance, of_parameters)): (usize, (&f64, &f64))| {
-                    let rest = &self.joints[k % n];
-                    let scaled = factor(&rest.report).powi(2) * (variance + rest.noise_variance);
+                    let residual = &self.joints[k % n];
+                    let scaled =
+                        factor(&residual.report).powi(2) * (variance + residual.noise_variance);
                     (scaled + of_parameters_alone.powi(2) * of_parameters).sqrt()
                 };
                 both.map(half).collect()

@@ -1,4 +1,4 @@
-use sgpr_predict::internal::{BasisParts, RestJoint, RestPredictor, together};
+use sgpr_predict::internal::{BasisParts, ResidualJoint, ResidualPredictor, together};
 use sgpr_predict::model::StreamedModel;
 
 use super::super::{Predictor, StreamOptions};
@@ -22,20 +22,23 @@ impl SemiParametricModel {
         options: PredictorOptions,
         stream: &StreamOptions,
     ) -> Result<Predictor, SemiParametricError> {
-        let sums: Vec<_> =
-            self.joints.iter().map(|rest| rest.gp.as_ref().map(Process::weighted_kernel)).collect();
+        let sums: Vec<_> = self
+            .joints
+            .iter()
+            .map(|residual| residual.gp.as_ref().map(Process::weighted_kernel))
+            .collect();
         let together = together(&sums, options.precision);
         let with_variance = options.variance_rank != Some(0);
         let mut joints = Vec::with_capacity(self.joints.len());
-        for (index, rest) in self.joints.iter().enumerate() {
+        for (index, residual) in self.joints.iter().enumerate() {
             let alone = !together.iter().any(|(members, _)| members.contains(&index));
-            let wanted = rest.gp.as_ref().filter(|_| with_variance || alone);
-            joints.push(RestJoint {
+            let wanted = residual.gp.as_ref().filter(|_| with_variance || alone);
+            joints.push(ResidualJoint {
                 process: wanted.map(|gp| gp.predictor(options)).transpose()?,
-                learned: rest.gp.is_some(),
-                noise_variance: rest.noise_variance,
-                prior: rest.gp.as_ref().map_or(1.0, |gp| gp.covariance().signal.variance()),
-                calibration: rest.report.calibration,
+                learned: residual.gp.is_some(),
+                noise_variance: residual.noise_variance,
+                prior: residual.gp.as_ref().map_or(1.0, |gp| gp.covariance().signal.variance()),
+                calibration: residual.report.calibration,
             });
         }
         let basis = self.basis.as_ref().filter(|_| with_variance).map(|basis| BasisParts {
@@ -45,13 +48,13 @@ impl SemiParametricModel {
         });
         let identified =
             self.identified.as_ref().map(|identified| identified.predictor(stream)).transpose()?;
-        let rest = RestPredictor::new(
+        let residual = ResidualPredictor::new(
             &StreamedModel::from(&self.physics),
             joints,
             together,
             basis,
             with_variance,
         );
-        Ok(self.physics.predictor(stream)?.with_rest(rest, identified))
+        Ok(self.physics.predictor(stream)?.with_residual(residual, identified))
     }
 }

@@ -192,10 +192,10 @@ impl Process {
     /// # Errors
     /// If a number is not finite.
     pub fn without(&self, terms: &ProcessTerms, change: &Mat<f64>) -> Result<Self, GpError> {
-        let rest = self.seen() - &terms.matrix * change;
+        let residual = self.seen() - &terms.matrix * change;
         Ok(match self {
-            Self::Exact(gp) => Self::Exact(gp.with_outputs(rest.col_as_slice(0).to_vec())?),
-            Self::Sparse(sparse) => Self::Sparse(sparse.with(sparse.products.clone(), rest)?),
+            Self::Exact(gp) => Self::Exact(gp.with_outputs(residual.col_as_slice(0).to_vec())?),
+            Self::Sparse(sparse) => Self::Sparse(sparse.with(sparse.products.clone(), residual)?),
         })
     }
 

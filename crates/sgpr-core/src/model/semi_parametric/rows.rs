@@ -40,7 +40,7 @@ impl LeftOutRows {
 }
 
 /// What is left out of a joint's rows in turn: parts, which lie among the others, and runs of half
-/// of all parts, which are as far from the rest in time and motion as the logs allow.
+/// of all parts, which are as far from the others in time and motion as the logs allow.
 #[derive(Default)]
 pub(super) struct Unseen {
     pub parts: Vec<LeftOutRows>,

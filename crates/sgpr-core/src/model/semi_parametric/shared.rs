@@ -55,7 +55,10 @@ pub(super) fn fit_shared(
     for inputs in selections {
         // A selection is tried for all joints at once.
         for _ in 0..n {
-            if progress.step("rest", alone[0].report.candidates.len(), SELECTIONS.len()).is_err() {
+            if progress
+                .step("residual", alone[0].report.candidates.len(), SELECTIONS.len())
+                .is_err()
+            {
                 return chosen(alone, best, rows, unseen, options, compute);
             }
         }

@@ -9,7 +9,7 @@ use crate::effects::JointState;
 use crate::gp::{GpPredictor, LearnedProcess, Precision, SharedPredictor, WeightedKernel};
 #[cfg(not(feature = "std"))]
 use crate::math::Float;
-use crate::model::{LearnedRest, ParameterSet, StreamedModel};
+use crate::model::{LearnedResidual, ParameterSet, StreamedModel};
 use crate::robot::Robot;
 use crate::spatial::PARAMETERS_PER_LINK;
 
@@ -30,7 +30,7 @@ pub(super) struct PhysicsAtSample<'a> {
 /// How the processes of a learned model are asked.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
-pub struct RestOptions {
+pub struct ResidualOptions {
     /// Arithmetic.
     pub precision: Precision,
     /// Whether [`torque_and_deviation`](super::Predictor::torque_and_deviation) is called: needs a
@@ -38,7 +38,7 @@ pub struct RestOptions {
     pub deviation: bool,
 }
 
-impl RestOptions {
+impl ResidualOptions {
     setters! {
         with_precision(precision: Precision),
         with_deviation(deviation: bool),
@@ -47,8 +47,8 @@ impl RestOptions {
 
 /// The processes of the joints.
 #[derive(Debug)]
-pub struct RestPredictor {
-    joints: Vec<RestJoint>,
+pub struct ResidualPredictor {
+    joints: Vec<ResidualJoint>,
     /// Joints of the same points, and their means.
     together: Vec<(Vec<usize>, SharedPredictor)>,
     parameters: Option<BasisPredictor>,
@@ -62,7 +62,7 @@ pub struct RestPredictor {
 
 /// The process of one joint.
 #[derive(Debug)]
-pub struct RestJoint {
+pub struct ResidualJoint {
     /// None without a process, or if it is only asked together with others.
     pub process: Option<GpPredictor>,
     /// It has a process.
@@ -86,7 +86,7 @@ pub struct BasisParts {
     pub explained: Vec<Option<GpPredictor>>,
 }
 
-impl RestPredictor {
+impl ResidualPredictor {
     /// The only place that allocates.
     ///
     /// - `joints`: one per joint
@@ -94,7 +94,7 @@ impl RestPredictor {
     /// - `basis`: with a standard deviation, unless nobody knows how sure the parameters are
     pub fn new(
         model: &StreamedModel,
-        joints: Vec<RestJoint>,
+        joints: Vec<ResidualJoint>,
         together: Vec<(Vec<usize>, SharedPredictor)>,
         basis: Option<BasisParts>,
         with_deviation: bool,
@@ -115,12 +115,12 @@ impl RestPredictor {
     /// Of a model file.
     pub(super) fn of_file(
         model: &StreamedModel,
-        rest: &LearnedRest,
-        options: &RestOptions,
+        residual: &LearnedResidual,
+        options: &ResidualOptions,
     ) -> Result<Self, StreamError> {
-        let RestOptions { precision, deviation } = *options;
+        let ResidualOptions { precision, deviation } = *options;
         let processes: Vec<Option<&LearnedProcess>> =
-            rest.joints.iter().map(|joint| joint.process.as_ref()).collect();
+            residual.joints.iter().map(|joint| joint.process.as_ref()).collect();
         let sums: Vec<Option<WeightedKernel<'_>>> =
             processes.iter().map(|process| process.map(LearnedProcess::weighted_kernel)).collect();
         let together = together(&sums, precision);
@@ -129,15 +129,15 @@ impl RestPredictor {
             reason,
         };
         if deviation {
-            rest.check_deviation().map_err(|(joint, reason)| refused(joint, reason))?;
+            residual.check_deviation().map_err(|(joint, reason)| refused(joint, reason))?;
         }
         let mut joints = Vec::with_capacity(processes.len());
         let mut explained = Vec::with_capacity(processes.len());
-        for (index, (process, joint)) in processes.iter().zip(&rest.joints).enumerate() {
+        for (index, (process, joint)) in processes.iter().zip(&residual.joints).enumerate() {
             let alone = !together.iter().any(|(members, _)| members.contains(&index));
             let (mut predictor, mut of_basis) = (None, None);
             if let (Some(process), true) = (process, deviation) {
-                let rows = rest.basis.as_ref().and_then(|basis| basis.rows[index].as_deref());
+                let rows = residual.basis.as_ref().and_then(|basis| basis.rows[index].as_deref());
                 let both = process
                     .mean_and_variance(precision, rows)
                     .map_err(|reason| refused(index, reason))?;
@@ -145,7 +145,7 @@ impl RestPredictor {
             } else if let (Some(process), true) = (process, alone) {
                 predictor = Some(process.mean(precision));
             }
-            joints.push(RestJoint {
+            joints.push(ResidualJoint {
                 process: predictor,
                 learned: process.is_some(),
                 noise_variance: joint.noise_variance,
@@ -154,7 +154,7 @@ impl RestPredictor {
             });
             explained.push(of_basis);
         }
-        let basis = rest.basis.as_ref().filter(|_| deviation).map(|basis| BasisParts {
+        let basis = residual.basis.as_ref().filter(|_| deviation).map(|basis| BasisParts {
             independent: basis.independent.clone(),
             covariance: basis.covariance.clone(),
             explained,
