@@ -17,7 +17,9 @@ use sgpr_core::simulation::{
     drives_from_model,
 };
 
-use crate::convert::{Numbers, array, choice, not_negative_gains, per_joint, positive, view};
+use crate::convert::{
+    Numbers, array, choice, not_negative_gains, per_joint, positive, view, whole,
+};
 use crate::errors::{IntoPyErr, invalid};
 use crate::excitation::Trajectory;
 use crate::keywords::Keywords;
@@ -506,14 +508,15 @@ fn experiment(options: &Keywords<'_, '_>, arm: &CoreRobot) -> PyResult<Experimen
         positive("control_period", options.number("control_period")?.unwrap_or(1e-3))?;
     let record_period =
         positive("record_period", options.number("record_period")?.unwrap_or(control_period))?;
-    let seed = options.get("random_state")?.map_or(Ok(0), |value| value.extract())?;
+    let seed = options.get("random_state")?;
+    let seed = seed.map_or(Ok(0), |value| whole("random_state", &value, 0..usize::MAX))?;
     Ok(Experiment::default()
         .with_control_period(control_period)
         .with_delay(options.number("delay")?.unwrap_or(0.0))
         .with_record_period(record_period)
         .with_sensors(sensors)
         .with_torque_limits(list("torque_limits")?)
-        .with_seed(seed))
+        .with_seed(seed as u64))
 }
 
 /// One number for all joints, or one per joint.

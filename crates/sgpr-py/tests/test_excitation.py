@@ -142,6 +142,8 @@ def test_options_that_a_motion_does_not_have() -> None:
         sgpr.Trajectory.random(ROBOT, **LIMITS, floor=0.0)
     with pytest.raises(TypeError, match="unexpected keyword argument 'gain'; options are duration, controller"):
         sgpr.simulate(ROBOT, [0.0, 0.0], gain=1.0)
+    with pytest.raises(sgpr.SgprError, match="random_state = -1: expected a whole number, 0 or more"):
+        sgpr.simulate(ROBOT, [0.0, 0.0], duration=0.1, random_state=-1)
 
 
 URDF = """<robot name="arm"><link name="base"/>
