@@ -10,7 +10,7 @@ use sgpr_core::dynamics::Samples;
 use sgpr_core::identification::{Finding, Method};
 use sgpr_core::model::{
     IdentificationReport, IdentifyError, IdentifyOptions, Predictor, Start, StreamedMotion,
-    TorqueModel, compare, compare_streaming, cutoff_influence, identify, screen,
+    TorqueModel, compare, compare_streaming, cutoff_influence, identify, predict, screen,
 };
 use sgpr_core::motion::{MotionError, TorqueBand, average_periods};
 use sgpr_core::recording::{LogSet, Recording, csv};
@@ -541,6 +541,13 @@ fn a_set_of_logs_is_conditioned_once_and_says_what_its_list_says() {
             pairs.clone().all(|(a, b)| Arc::ptr_eq(&a.motion, &b.motion)),
             "the motion of the set, clones included"
         );
+    }
+    let predicted = predict(&model, &set, true).expect("good logs");
+    assert_eq!(predicted.len(), own.logs.len());
+    for (log, found) in own.logs.iter().zip(&predicted) {
+        assert_eq!(log.predicted, found.torque);
+        let deviation = model.standard_deviation_of(&log.motion).expect("a model of logs");
+        assert_eq!(Some(deviation), found.standard_deviation);
     }
     // Processed otherwise, it is another motion.
     let hz = 0.5 * model.processing().expect("identified").cutoff_hz;

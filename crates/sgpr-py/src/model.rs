@@ -21,6 +21,7 @@ use crate::errors::{IntoPyErr, invalid};
 use crate::estimators::differentiation_name;
 use crate::identification_report::IdentificationReport;
 use crate::log_residual::LogResidual;
+use crate::log_set::LogSet;
 use crate::recording::Recording;
 use crate::robot::{Robot, urdf_options};
 use crate::tables::{figure, html_table};
@@ -56,63 +57,27 @@ impl From<TorqueModel> for Model {
 }
 
 impl Model {
-    /// The torque at the samples of a log, `(N, n)`, and if wished its standard deviation; NaN
+    /// The torque at the samples of each log, `(N, n)`, and if wished its standard deviation; NaN
     /// where stretches are too short.
-    fn predict_log<'py>(
+    fn predict_logs<'py>(
         &self,
         py: Python<'py>,
-        log: &logs::Recording,
+        logs: logs::LogSet,
         return_std: bool,
-    ) -> PyResult<Bound<'py, PyAny>> {
+    ) -> PyResult<Vec<Bound<'py, PyAny>>> {
+        let found = detached(py, || core::predict(&self.inner, logs, return_std));
         let n = self.inner.robot().dof();
-        let with_torque = match log.torque() {
-            Some(_) => log.clone(),
-            None => {
-                let (names, time, q) =
-                    (log.joint_names().to_vec(), log.time().to_vec(), log.position().to_vec());
-                let torque = Some(vec![0.0; q.len()]);
-                logs::Recording::new(
-                    log.source(),
-                    names,
-                    time,
-                    q,
-                    None,
-                    torque,
-                    log.channels().to_vec(),
-                )
-                .map_err(IntoPyErr::into_py_err)?
+        let arrays = |values: Vec<f64>| array(py, &[values.len() / n, n], values);
+        let of_log = |log: core::LogPrediction| {
+            let torque = arrays(log.torque)?;
+            match log.standard_deviation {
+                None => Ok(torque.into_any()),
+                Some(deviation) => Ok((torque, arrays(deviation)?).into_pyobject(py)?.into_any()),
             }
         };
-        let found = detached(py, || core::compare(&self.inner, &[with_torque], None))
-            .map_err(IntoPyErr::into_py_err)?;
-        let mut torque = vec![f64::NAN; log.len() * n];
-        let mut deviation = if return_std { torque.clone() } else { Vec::new() };
-        for stretch in &found.logs {
-            // Stamps increase, as the comparison has asked.
-            let Some(first) =
-                stretch.time().first().and_then(|time| log.time().binary_search(time).ok())
-            else {
-                continue;
-            };
-            let place = first * n..first * n + stretch.predicted.len();
-            torque[place.clone()].copy_from_slice(&stretch.predicted);
-            if return_std {
-                let of_stretch = self
-                    .inner
-                    .standard_deviation_of(&stretch.motion)
-                    .map_err(IntoPyErr::into_py_err)?;
-                deviation[place].copy_from_slice(&of_stretch);
-            }
-        }
-        let torque = array(py, &[log.len(), n], torque)?;
-        if !return_std {
-            return Ok(torque.into_any());
-        }
-        Ok((torque, array(py, &[log.len(), n], deviation)?).into_pyobject(py)?.into_any())
+        found.map_err(IntoPyErr::into_py_err)?.into_iter().map(of_log).collect()
     }
-}
 
-impl Model {
     /// A model, and how its identification went.
     pub fn with_report(
         py: Python<'_>,
@@ -342,9 +307,9 @@ impl Model {
     ///
     /// Parameters
     /// ----------
-    /// q : array of shape (N, n) or (n,), or Recording
+    /// q : array of shape (N, n) or (n,), or Recording or LogSet
     ///     rad (m for prismatic joints). A recording is processed as `compare` does; NaN stands
-    ///     where it is too short for that.
+    ///     where it is too short for that. A set gives a list, an item for each of its logs.
     /// dq, ddq : array of the shape of q
     ///     rad/s, rad/s² (m for prismatic joints); not with a recording.
     /// return_std : bool, default False
@@ -366,14 +331,24 @@ impl Model {
     ) -> PyResult<Bound<'py, PyAny>> {
         let n = self.inner.robot().dof();
         let (dq, ddq) = match (q.cast::<Recording>(), dq, ddq) {
-            (Ok(log), None, None) => return self.predict_log(py, &log.get().inner, return_std),
+            (Ok(log), None, None) => {
+                let log = std::slice::from_ref(&log.get().inner);
+                let mut found = self.predict_logs(py, logs::LogSet::whole(log), return_std)?;
+                return Ok(found.swap_remove(0));
+            }
+            (Err(_), None, None) if q.is_instance_of::<LogSet>() => {
+                let set = q.cast::<LogSet>()?.get().inner.clone();
+                return self.predict_logs(py, set, return_std)?.into_pyobject(py);
+            }
             (Err(_), Some(dq), Some(ddq)) => (dq, ddq),
             (Ok(_), ..) => {
                 return Err(invalid(
                     "predict: a recording brings its motion along: give no dq and ddq",
                 ));
             }
-            (Err(_), ..) => return Err(invalid("predict: give q, dq and ddq, or a recording")),
+            (Err(_), ..) => {
+                return Err(invalid("predict: give q, dq and ddq, or a recording or LogSet"));
+            }
         };
         let samples = Samples::together([("q", q), ("dq", dq), ("ddq", ddq)], n)?;
         let motion = motion(&samples);

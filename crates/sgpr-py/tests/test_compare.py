@@ -50,6 +50,22 @@ def test_curves_are_those_of_log_and_model(
     assert not log.measured.flags.writeable
 
 
+def test_a_set_of_logs_is_predicted_log_by_log(
+    demo_model: sgpr.Model, demo_logs: list[sgpr.Recording], demo_test: sgpr.Recording
+) -> None:
+    bare = sgpr.Recording(demo_test.time_ns, demo_test.q, joint_names=demo_test.joint_names, source="bare")
+    found = demo_model.predict(sgpr.LogSet([*demo_logs, bare]), return_std=True)
+    assert len(found) == len(demo_logs) + 1
+    for (torque, deviation), log in zip(found, [*demo_logs, demo_test], strict=True):
+        assert torque.shape == deviation.shape == log.q.shape
+        assert np.array_equal(torque, demo_model.predict(log))
+    (compared,) = sgpr.compare(demo_model, [demo_test]).logs
+    assert np.array_equal(found[-1][0], compared.predicted)
+    assert np.array_equal(found[-1][1], demo_model.standard_deviation(compared))
+    with pytest.raises(sgpr.SgprError, match="give q, dq and ddq, or a recording or LogSet"):
+        demo_model.predict(demo_test.q)
+
+
 def test_torques_in_the_band_are_those_of_scipy(comparison: sgpr.Comparison, demo_model: sgpr.Model) -> None:
     (log,) = comparison.logs
     processing = demo_model.processing

@@ -11,6 +11,7 @@ mod forecast;
 mod held;
 mod identify;
 mod limits;
+mod log_prediction;
 mod payload;
 mod prediction_band;
 mod record;
@@ -33,6 +34,7 @@ pub use identify::{
     Controller, CutoffInfluence, IdentificationReport, IdentifyOptions, Start, Uncertainty,
     cutoff_influence, identify, screen,
 };
+pub use log_prediction::{LogPrediction, predict};
 pub use payload::{identify_drive_gains, identify_payload};
 pub use record::{
     Deviation, JointDeviation, ParameterDeviation, Record, RecordBlock, RecordDiagnosis,
