@@ -43,8 +43,8 @@ pub use structure::{Change, Dependence, Input, JointStructure, Shares, structure
 pub use whereabouts::{Excess, JointWhereabouts, Whereabouts};
 
 use crate::effects::{self, Effect};
-use crate::model::{IdentifyError, Term, TorqueModel, select_joints};
-use crate::motion::{MotionError, Processing};
+use crate::model::{IdentifyError, Term, TorqueModel, given_or_chosen, select_joints};
+use crate::motion::MotionError;
 use crate::progress::{Interrupted, Progress};
 use crate::recording::{LogSet, Recording, RecordingError};
 use problem::Problem;
@@ -236,10 +236,7 @@ pub fn add(
 }
 
 fn problem(model: &TorqueModel, train: &[Recording]) -> Result<Problem, DiagnosisError> {
-    let processing = match model.processing() {
-        Some(processing) => processing.clone(),
-        None => Processing::choose(&select_joints(model.robot(), train)?, &Default::default())?.0,
-    };
+    let processing = given_or_chosen(model.processing(), &select_joints(model.robot(), train)?)?;
     let problem = Problem::new(model, train, &processing)?;
     let (seconds, needed) = (problem.seconds(), problem.least_seconds());
     if seconds < needed {

@@ -63,9 +63,9 @@ const ROWS_PER_COLUMN: usize = 2;
 const CHOICES: usize = 2;
 
 impl PriorWidth {
-    fn of(self, prior: ParameterPrior, whitened: &Mat<f64>) -> ParameterPrior {
+    fn of(self, prior: ParameterPrior, whitened: &Matrix) -> ParameterPrior {
         match self {
-            Self::Chosen | Self::InForce => prior.chosen_by(&whitened.clone().into()),
+            Self::Chosen | Self::InForce => prior.chosen_by(whitened),
             Self::Given(deviation) => prior.with_relative_deviation(deviation),
         }
     }
@@ -119,20 +119,14 @@ pub fn estimate_with_prior(
     let posterior = prior.posterior(&data);
     found.covariance = posterior.covariance(&of_estimate(&data, &found.covariance)).into();
     found.values = posterior.values;
-    Ok(Held {
-        estimate: found,
-        prior,
-        data: data.into(),
-        levels: held.levels,
-        refused: posterior.refused,
-    })
+    Ok(Held { estimate: found, prior, data, levels: held.levels, refused: posterior.refused })
 }
 
 /// Triangle [R | R t] of data that know as much of the parameters as R and put them at `values` t.
-fn informed(data: &Mat<f64>, values: &[f64]) -> Mat<f64> {
+fn informed(data: &Mat<f64>, values: &[f64]) -> Matrix {
     let rank = values.len();
     let along = |i: usize| (i..rank).map(|j| data[(i, j)] * values[j]).sum::<f64>();
-    Mat::from_fn(rank + 1, rank + 1, |i, j| match (i < rank, j < rank) {
+    Matrix::from_fn(rank + 1, rank + 1, |i, j| match (i < rank, j < rank) {
         (true, true) => data[(i, j)],
         (true, false) => along(i),
         _ => 0.0,
@@ -226,13 +220,7 @@ impl LeastSquares {
                     iterations,
                     notes: vec![],
                 };
-                return Ok(Held {
-                    estimate,
-                    prior,
-                    data: data.into(),
-                    levels,
-                    refused: posterior.refused,
-                });
+                return Ok(Held { estimate, prior, data, levels, refused: posterior.refused });
             }
         }
         unreachable!("the last iteration returns")

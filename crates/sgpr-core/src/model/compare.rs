@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-use super::experiment::{select_joints, torque_of};
+use super::experiment::{given_or_chosen, select_joints, torque_of};
 use super::{IdentifyError, TorqueModel};
 use crate::dynamics::{Workspace, gravity_torque};
 use crate::identification::Row;
@@ -232,16 +232,8 @@ pub(super) fn compare_set<E: From<IdentifyError>>(
         return Err(IdentifyError::from(MotionError::NoRecording).into());
     }
     let recordings = select_joints(model.robot(), set).map_err(IdentifyError::from)?;
-    let chosen;
-    let processing = match processing.or(model.processing()) {
-        Some(processing) => processing,
-        None => {
-            chosen = Processing::choose(&recordings, &Default::default())
-                .map_err(IdentifyError::from)?
-                .0;
-            &chosen
-        }
-    };
+    let processing = &given_or_chosen(processing.or(model.processing()), &recordings)
+        .map_err(IdentifyError::from)?;
     let n = model.robot().dof();
     let mut sums = vec![ErrorSums::default(); n];
     let mut logs = Vec::new();

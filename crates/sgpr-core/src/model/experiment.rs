@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use super::IdentifyError;
 use crate::identification::{ClosedLoop, Row, Trajectory, TrajectoryColumn};
-use crate::motion::{Motion, MotionError, Processing, stretches_of};
+use crate::motion::{Conditioning, Motion, MotionError, Processing, stretches_of};
 use crate::recording::{Recording, RecordingError, SMALLEST_TORQUE, is_still};
 use crate::robot::Robot;
 use crate::signal::LowPass;
@@ -168,6 +168,17 @@ pub(crate) fn select_joints<'a>(
         .map(|recording| recording.of_robot(&names))
         .collect::<Result<_, _>>()
         .map(Cow::Owned)
+}
+
+/// How recordings are processed: as it is given, or as their spectra ask for.
+pub(crate) fn given_or_chosen(
+    given: Option<&Processing>,
+    recordings: &[Recording],
+) -> Result<Processing, MotionError> {
+    match given {
+        Some(processing) => Ok(processing.clone()),
+        None => Ok(Processing::choose(recordings, &Conditioning::default())?.0),
+    }
 }
 
 /// Zeros in the place of a torque would be believed more than any measurement, as they have no

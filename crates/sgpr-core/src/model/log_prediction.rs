@@ -1,9 +1,9 @@
 //! What a model predicts along logs, at their own samples.
 
-use super::experiment::select_joints;
+use super::experiment::{given_or_chosen, select_joints};
 use super::{IdentifyError, TorqueModel};
-use crate::motion::{MotionError, Processing, stretches_of};
-use crate::recording::LogSet;
+use crate::motion::{MotionError, stretches_of};
+use crate::recording::{LogSet, Recording};
 
 /// Predicted torque along a log, `[samples of the log, n]`, N·m (N); NaN at samples of stretches that
 /// are too short for the filters.
@@ -16,8 +16,7 @@ pub struct LogPrediction {
     pub standard_deviation: Option<Vec<f64>>,
 }
 
-/// Predicts the torque along each of `model`'s logs, processed as the model was identified. They need
-/// no torque.
+/// Predicts the torque along each log, processed as the model was identified. Logs need no torque.
 ///
 /// - `logs`: a [`LogSet`], or recordings; the motion in a set is kept with it, as for
 ///   [`compare`](super::compare())
@@ -35,20 +34,13 @@ pub fn predict(
         return Err(MotionError::NoRecording.into());
     }
     let recordings = select_joints(model.robot(), &set)?;
-    let chosen;
-    let processing = match model.processing() {
-        Some(processing) => processing,
-        None => {
-            chosen = Processing::choose(&recordings, &Default::default())?.0;
-            &chosen
-        }
-    };
+    let processing = given_or_chosen(model.processing(), &recordings)?;
     let n = model.robot().dof();
-    let of_log = |log: &crate::recording::Recording| {
+    let of_log = |log: &Recording| {
         let nothing = vec![f64::NAN; log.len() * n];
         let mut torque = nothing.clone();
         let mut deviation = deviations.then_some(nothing);
-        for motion in stretches_of(log, processing)? {
+        for motion in stretches_of(log, &processing)? {
             // Stamps increase, as the filters have asked.
             let first = motion.time.first().and_then(|time| log.time().binary_search(time).ok());
             let Some(first) = first else { continue };

@@ -23,7 +23,7 @@ mod torque_scale;
 mod trajectory;
 mod variable_projection;
 
-pub(crate) use experiment::{select_joints, torque_of};
+pub(crate) use experiment::{given_or_chosen, select_joints, torque_of};
 pub(crate) use identify::{Given, identify_again};
 
 pub use crate::identification::Forecast;

@@ -3,7 +3,7 @@
 use super::compare::compare_set;
 use super::{
     Comparison, IdentifyError, Predictor, SemiParametricError, SemiParametricModel, StreamOptions,
-    TorqueModel, select_joints,
+    TorqueModel, given_or_chosen, select_joints,
 };
 use crate::dynamics::Samples;
 use crate::effects::Context;
@@ -38,7 +38,8 @@ pub fn compare_streaming(
     motion: StreamedMotion,
 ) -> Result<Comparison, IdentifyError> {
     let set = logs.into();
-    let chosen = chosen(model.robot(), &set, processing.or(model.processing()))?;
+    let given = processing.or(model.processing());
+    let chosen = given_or_chosen(given, &select_joints(model.robot(), &set)?)?;
     let predict = |stretch: &Motion, log: &Recording| {
         let mut predictor = model.predictor(&at_rate(stretch))?;
         streamed(&mut predictor, model, stretch, &StreamedLog { log, processing: &chosen, motion })
@@ -57,7 +58,8 @@ impl SemiParametricModel {
         motion: StreamedMotion,
     ) -> Result<Comparison, SemiParametricError> {
         let (physics, set) = (self.physics(), logs.into());
-        let chosen = chosen(physics.robot(), &set, physics.processing())?;
+        let logs = select_joints(physics.robot(), &set).map_err(IdentifyError::from)?;
+        let chosen = given_or_chosen(physics.processing(), &logs).map_err(IdentifyError::from)?;
         let mean = PredictorOptions::default().with_variance_rank(Some(0));
         let predict = |stretch: &Motion, log: &Recording| {
             let source = StreamedLog { log, processing: &chosen, motion };
@@ -65,17 +67,6 @@ impl SemiParametricModel {
             Ok::<_, SemiParametricError>(streamed(&mut predictor, physics, stretch, &source)?)
         };
         compare_set(physics, &predict, &set, Some(&chosen))
-    }
-}
-
-fn chosen(
-    robot: &Robot,
-    set: &LogSet,
-    given: Option<&Processing>,
-) -> Result<Processing, IdentifyError> {
-    match given {
-        Some(processing) => Ok(processing.clone()),
-        None => Ok(Processing::choose(&select_joints(robot, set)?, &Default::default())?.0),
     }
 }
 

@@ -18,7 +18,7 @@ use crate::identification::{
     essential_parameters, estimate, hac_covariance, nearest_load, screen_factors, screen_logs,
     screen_scale, stack, stacked, torque_sizes, weakest_good_deviation,
 };
-use crate::linalg::symmetric_eigen;
+use crate::linalg::{Matrix, symmetric_eigen};
 use crate::model::experiment::Experiment;
 use crate::model::torque_model::{Certificate, Fit, nominal_parameters};
 use crate::model::variable_projection::{self, Placed, TermFit};
@@ -377,15 +377,14 @@ impl Setup<'_> {
         model: &mut TorqueModel,
         data: &mut Observed,
         Estimated { estimate, held, .. }: &Estimated,
-    ) -> Result<(ConsistentParameters, Mat<f64>), IdentifyError> {
-        let solve = |whitened: &Mat<f64>| {
-            let whitened = whitened.clone().into();
-            consistency.solve(self.robot, self.set, self.base, &whitened, self.start, torque)
+    ) -> Result<(ConsistentParameters, Matrix), IdentifyError> {
+        let solve = |whitened: &Matrix| {
+            consistency.solve(self.robot, self.set, self.base, whitened, self.start, torque)
         };
         // What the prior holds it holds here, too, beside rows that count as they did there.
         let mut whitened = match held {
-            Some(held) => held.prior.beside(&held.data),
-            None => (*estimate.whitened).clone(),
+            Some(held) => held.prior.beside(&held.data).into(),
+            None => estimate.whitened.clone(),
         };
         let mut found = solve(&whitened)?;
         for _ in 0..if self.options.method.reweights() { REWEIGHTINGS } else { 0 } {
@@ -397,9 +396,9 @@ impl Setup<'_> {
                 data.factors = factors;
             }
             whitened = match held {
-                None => estimate.whitened_at(&data.factors, &found.base, &data.correlation),
+                None => estimate.whitened_at(&data.factors, &found.base, &data.correlation).into(),
                 Some(held) if changed => {
-                    held.prior.beside(&stack(&data.factors, found.base.len(), &held.levels))
+                    held.prior.beside(&stack(&data.factors, found.base.len(), &held.levels)).into()
                 }
                 Some(_) => break,
             };
@@ -413,13 +412,12 @@ impl Setup<'_> {
         &self,
         consistency: &Consistency,
         torque: &[f64],
-        (consistent, whitened): (&ConsistentParameters, &Mat<f64>),
+        (consistent, whitened): (&ConsistentParameters, &Matrix),
         data: &Observed,
         Estimated { estimate, notes, .. }: &mut Estimated,
     ) -> Result<(Costs, Option<KeptOut>), IdentifyError> {
         let (robot, set, base) = (self.robot, self.set, self.base);
-        let costs =
-            consistency.costs(robot, set, base, &whitened.clone().into(), self.start, torque)?;
+        let costs = consistency.costs(robot, set, base, whitened, self.start, torque)?;
         let mut kept_out = None;
         // Least squares leaves one unit of variance per parameter to chance; a limit can take at
         // most as much of it.

@@ -17,7 +17,7 @@ use sgpr_predict::internal::with_role;
 pub(super) use source::{PARTS, Place, Source, SourceFactors, key_of, parts_of_blocks};
 use torque_end::torque_end;
 
-use super::experiment::{require_torque, select_joints};
+use super::experiment::{given_or_chosen, require_torque, select_joints};
 use super::limits::beyond_limits;
 use super::{IdentifyError, Term, TorqueModel};
 use crate::effects::Role;
@@ -196,10 +196,7 @@ pub(crate) fn identify_again(
     recordings: &[Recording],
 ) -> Result<TorqueModel, IdentifyError> {
     let recordings = select_joints(&model.robot, recordings)?;
-    let processing = match &model.processing {
-        Some(processing) => processing.clone(),
-        None => Processing::choose(&recordings, &Conditioning::default())?.0,
-    };
+    let processing = given_or_chosen(model.processing.as_ref(), &recordings)?;
     let fit = model.fit.as_ref();
     let held = fit.is_some_and(|fit| fit.prior_standard_deviation.is_some());
     let asked = fit.map_or(Some(PriorWidth::Chosen), |fit| fit.prior);
