@@ -6,8 +6,8 @@
 //! - [`spatial`], [`simd`]: vectors, poses, inertias; arithmetic for one sample and for many
 //! - [`robot`]: URDF and Denavit-Hartenberg robots
 //! - [`dynamics`]: inverse and forward dynamics, regressor, mass matrix, kinematics
-//! - [`recording`]: logs in CSV and MCAP files: reading, checking, repairing, writing
-//!   (`sgpr-recording`)
+//! - [`recording`]: logs in CSV, MCAP and, with the feature `formats`, other files: reading,
+//!   checking, repairing, writing (`sgpr-recording`)
 //! - [`signal`]: filters, derivatives, spectra
 //! - [`motion`]: from a log to filtered position, velocity and acceleration
 //! - [`expression`]: arithmetic that is recorded, for code in other languages

@@ -46,6 +46,33 @@ pub enum RecordingError {
         /// What names of logs end with.
         known: String,
     },
+    /// A folder that is no log.
+    #[error(
+        "{path}: neither a ROS 2 bag (metadata.yaml, or one MCAP file) nor a LeRobot data set \
+         (meta/info.json)"
+    )]
+    UnknownFolder {
+        /// Folder.
+        path: String,
+    },
+    /// A file that is not what its name or beginning says, or damaged.
+    #[error("{path}: not {format}, or damaged: {cause}")]
+    Broken {
+        /// File.
+        path: String,
+        /// What it should be.
+        format: &'static str,
+        /// What is wrong.
+        cause: String,
+    },
+    /// Arrays that do not make a log.
+    #[error("{path}: {cause}")]
+    Arrays {
+        /// File.
+        path: String,
+        /// What is wrong, and what to do.
+        cause: String,
+    },
     /// More data than the caller allows.
     #[error(
         "{path}: more than {limit} bytes of unpacked data; if that is right, raise `limit_bytes` \

@@ -1,23 +1,34 @@
 //! Logs of moving robot arms: reading, checking, repairing, writing.
 //!
-//! A [`Recording`] is one trajectory as it was logged. Readers ([`csv`], [`mcap`]) convert units at
-//! the border, check nothing away and repair nothing: what is wrong with a log is found by
-//! [`inspect`], and changed only by [`repair`].
+//! A [`Recording`] is one trajectory as it was logged. Readers ([`csv`], [`mcap`]; with the feature
+//! `formats` also of ROS bags, NumPy, MATLAB, HDF5 and Parquet files) convert units at the border,
+//! check nothing away and repair nothing: what is wrong with a log is found by [`inspect`], and
+//! changed only by [`repair`].
 
 #![warn(clippy::too_many_lines)]
 #![forbid(unsafe_code)]
 
+#[cfg(any(feature = "numpy", feature = "matlab", feature = "hdf5", feature = "parquet"))]
+pub mod arrays;
+#[cfg(feature = "bags")]
+pub mod bags;
 mod calendar;
 pub mod csv;
 mod decimal;
 mod derived;
 mod error;
 mod format;
+#[cfg(any(feature = "hdf5", feature = "parquet"))]
+mod guarded;
 mod inspect;
 mod layout;
+#[cfg(feature = "parquet")]
+pub mod lerobot;
 mod log_set;
 pub mod mcap;
 mod names;
+#[cfg(feature = "parquet")]
+pub mod parquet;
 mod part;
 mod plausible;
 mod repair;
@@ -35,7 +46,7 @@ use tempfile::NamedTempFile;
 
 use derived::Derived;
 pub use error::RecordingError;
-pub use format::{Format, read};
+pub use format::{Format, Reader, read};
 pub use inspect::{GAP_FACTOR, Issue, IssueKind, Severity, inspect, refusals};
 pub use layout::{ColumnLayout, JointLayout, Layout};
 pub use log_set::{LogSet, shared_samples};
@@ -57,7 +68,22 @@ pub mod internal {
 }
 
 /// All formats of logs that are read here.
-pub static FORMATS: [&Format; 2] = [&csv::FORMAT, &mcap::FORMAT];
+pub static FORMATS: &[&Format] = &[
+    &csv::FORMAT,
+    &mcap::FORMAT,
+    #[cfg(feature = "bags")]
+    &bags::FORMAT,
+    #[cfg(feature = "numpy")]
+    &arrays::numpy::FORMAT,
+    #[cfg(feature = "matlab")]
+    &arrays::matlab::FORMAT,
+    #[cfg(feature = "hdf5")]
+    &arrays::hdf5::FORMAT,
+    #[cfg(feature = "parquet")]
+    &parquet::FORMAT,
+    #[cfg(feature = "parquet")]
+    &lerobot::FORMAT,
+];
 
 /// Largest amount of unpacked data that readers take unless told otherwise.
 const DEFAULT_LIMIT_BYTES: u64 = 4 << 30;
@@ -247,6 +273,16 @@ impl Recording {
     /// The channel `name`.
     pub fn channel(&self, name: &str) -> Option<&Channel> {
         self.channels.iter().find(|channel| channel.name == name)
+    }
+
+    /// Channels of the first name of each pair under the second.
+    #[cfg(any(feature = "numpy", feature = "matlab", feature = "hdf5", feature = "parquet"))]
+    fn rename_channels(&mut self, names: &[(String, String)]) {
+        for channel in &mut self.channels {
+            if let Some((_, name)) = names.iter().find(|(old, _)| *old == channel.name) {
+                channel.name.clone_from(name);
+            }
+        }
     }
 
     /// What the reader assumed or left out, in sentences.

@@ -173,7 +173,7 @@ fn nanoseconds_of(value: f64, power: i32) -> Option<i64> {
 }
 
 /// ns as decimal seconds.
-fn seconds_text(nanoseconds: i64) -> String {
+pub(crate) fn seconds_text(nanoseconds: i64) -> String {
     let sign = if nanoseconds < 0 { "-" } else { "" };
     let size = nanoseconds.unsigned_abs();
     format!("{sign}{}.{:09}", size / 1_000_000_000, size % 1_000_000_000)

@@ -48,6 +48,8 @@ use std::ops::RangeInclusive;
 
 use derive_setters::Setters;
 
+#[cfg(feature = "parquet")]
+pub(crate) use columns::seconds_text;
 pub use columns::{NamedColumn, Values, read_columns};
 pub use header::quantity_of_array;
 pub use read::read;
@@ -57,11 +59,12 @@ pub use write::write;
 pub static FORMAT: Format = Format {
     name: "CSV",
     endings: &[".csv", ".csv.gz", ".txt", ".txt.gz", ".tsv", ".tsv.gz"],
-    beginning: Some(b"\x1f\x8b"),
-    read: |path, joints| read(path, &ReadOptions::default().with_joints(joints)),
+    is_at: None,
+    begins: |_, start| start.starts_with(b"\x1f\x8b"),
+    read: Reader::Table(|path, options| read(path, options)),
 };
 
-use super::{Format, IssueKind, Units};
+use super::{Format, IssueKind, Reader, Units};
 
 /// How to read a table.
 ///

@@ -12,14 +12,19 @@ use crate::RecordingError;
 const LONGEST_LINE: usize = 1 << 20;
 
 /// Beginnings of files that users take for CSV, what they are, and what to do.
-const FOREIGN: [(&[u8], &str, &str); 4] = [
+const FOREIGN: [(&[u8], &str, &str); 5] = [
     (b"\x89MCAP", "an MCAP file", "read it with the MCAP reader"),
     (b"PK\x03\x04", "a zip archive or an Excel workbook", "save it as CSV"),
     (b"\x28\xb5\x2f\xfd", "a zstd archive", "unpack it or compress it with gzip"),
     (
         b"SQLite format 3",
         "an SQLite data base",
-        "convert a ROS 2 bag with `ros2 bag convert` to MCAP",
+        "`read` reads a bag of ROS 2 if its name ends in .db3 (in Rust with the feature `bags`)",
+    ),
+    (
+        b"#ROSBAG",
+        "a ROS 1 bag",
+        "`read` reads it if its name ends in .bag (in Rust with the feature `bags`)",
     ),
 ];
 

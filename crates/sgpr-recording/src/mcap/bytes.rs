@@ -1,11 +1,11 @@
 //! Reading numbers and strings from bytes that may be anything.
 
 /// What is wrong with a message, in words.
-pub(super) type MessageFault = String;
+pub(crate) type MessageFault = String;
 
 /// A place in bytes, and the byte order.
 #[derive(Clone)]
-pub(super) struct Bytes<'a> {
+pub(crate) struct Bytes<'a> {
     bytes: &'a [u8],
     at: usize,
     little_endian: bool,
@@ -13,7 +13,7 @@ pub(super) struct Bytes<'a> {
 
 macro_rules! number {
     ($name:ident, $type:ty) => {
-        pub(super) fn $name(&mut self) -> Result<$type, MessageFault> {
+        pub(crate) fn $name(&mut self) -> Result<$type, MessageFault> {
             let bytes =
                 self.take(size_of::<$type>())?.try_into().expect("as many bytes as were taken");
             Ok(if self.little_endian {
@@ -26,7 +26,7 @@ macro_rules! number {
 }
 
 impl<'a> Bytes<'a> {
-    pub(super) fn new(bytes: &'a [u8], little_endian: bool) -> Self {
+    pub(crate) fn new(bytes: &'a [u8], little_endian: bool) -> Self {
         Self { bytes, at: 0, little_endian }
     }
 
@@ -37,19 +37,19 @@ impl<'a> Bytes<'a> {
     number!(f32, f32);
     number!(f64, f64);
 
-    pub(super) fn at(&self) -> usize {
+    pub(crate) fn at(&self) -> usize {
         self.at
     }
 
-    pub(super) fn left(&self) -> usize {
+    pub(crate) fn left(&self) -> usize {
         self.bytes.len() - self.at
     }
 
-    pub(super) fn rest(&self) -> &'a [u8] {
+    pub(crate) fn rest(&self) -> &'a [u8] {
         &self.bytes[self.at..]
     }
 
-    pub(super) fn take(&mut self, count: usize) -> Result<&'a [u8], MessageFault> {
+    pub(crate) fn take(&mut self, count: usize) -> Result<&'a [u8], MessageFault> {
         if count > self.left() {
             return Err(format!(
                 "{count} bytes are needed at byte {}, but {} are left",
@@ -62,7 +62,7 @@ impl<'a> Bytes<'a> {
     }
 
     /// A length that as many elements of at least `size` bytes must still follow.
-    pub(super) fn length(&mut self, size: usize) -> Result<usize, MessageFault> {
+    pub(crate) fn length(&mut self, size: usize) -> Result<usize, MessageFault> {
         let at = self.at;
         let count = self.u32()? as usize;
         if count.saturating_mul(size) > self.left() {
@@ -75,7 +75,7 @@ impl<'a> Bytes<'a> {
     }
 
     /// Text after its length.
-    pub(super) fn text(&mut self) -> Result<std::borrow::Cow<'a, str>, MessageFault> {
+    pub(crate) fn text(&mut self) -> Result<std::borrow::Cow<'a, str>, MessageFault> {
         let length = self.length(1)?;
         self.take(length).map(String::from_utf8_lossy)
     }

@@ -1,19 +1,26 @@
-//! ROS 2 messages in Common Data Representation (OMG CDR, XCDR version 1).
+//! ROS 2 messages in Common Data Representation (OMG CDR, XCDR version 1), and those of ROS 1,
+//! which are the same without header and padding.
 //!
 //! Source: OMG DDS-RTPS 2.5, section 10; values are aligned to their size, counted from the end of
-//! the 4-byte header.
+//! the 4-byte header. ROS 1: <https://wiki.ros.org/ROS/Technical%20Overview>, serialization.
 
 use std::borrow::Cow;
 
 use super::bytes::{Bytes, MessageFault};
 
 /// A message being read.
-pub(super) struct Cdr<'a>(Bytes<'a>);
+pub(super) struct Cdr<'a> {
+    bytes: Bytes<'a>,
+    /// Nothing is aligned, and headers are those of ROS 1.
+    ros1: bool,
+}
 
 impl<'a> Cdr<'a> {
     pub(super) fn new(message: &'a [u8]) -> Result<Self, MessageFault> {
         match message {
-            [0, order @ (0 | 1), _, _, body @ ..] => Ok(Self(Bytes::new(body, *order == 1))),
+            [0, order @ (0 | 1), _, _, body @ ..] => {
+                Ok(Self { bytes: Bytes::new(body, *order == 1), ros1: false })
+            }
             [first, second, _, _, ..] => Err(format!(
                 "the CDR encapsulation {first:02x} {second:02x} is not supported (plain CDR is: 00 \
                  00, 00 01)"
@@ -25,39 +32,47 @@ impl<'a> Cdr<'a> {
         }
     }
 
+    /// A message of ROS 1: little-endian.
+    pub(super) fn ros1(message: &'a [u8]) -> Self {
+        Self { bytes: Bytes::new(message, true), ros1: true }
+    }
+
     fn align(&mut self, size: usize) -> Result<(), MessageFault> {
-        let padding = self.0.at().next_multiple_of(size) - self.0.at();
-        self.0.take(padding).map(drop)
+        if self.ros1 {
+            return Ok(());
+        }
+        let padding = self.bytes.at().next_multiple_of(size) - self.bytes.at();
+        self.bytes.take(padding).map(drop)
     }
 
     fn length(&mut self, size: usize) -> Result<usize, MessageFault> {
         self.align(4)?;
-        self.0.length(size)
+        self.bytes.length(size)
     }
 
     pub(super) fn i32(&mut self) -> Result<i32, MessageFault> {
         self.align(4)?;
-        self.0.i32()
+        self.bytes.i32()
     }
 
     pub(super) fn u32(&mut self) -> Result<u32, MessageFault> {
         self.align(4)?;
-        self.0.u32()
+        self.bytes.u32()
     }
 
     pub(super) fn f32(&mut self) -> Result<f32, MessageFault> {
         self.align(4)?;
-        self.0.f32()
+        self.bytes.f32()
     }
 
     pub(super) fn f64(&mut self) -> Result<f64, MessageFault> {
         self.align(8)?;
-        self.0.f64()
+        self.bytes.f64()
     }
 
     pub(super) fn text(&mut self) -> Result<Cow<'a, str>, MessageFault> {
         let length = self.length(1)?;
-        let bytes = self.0.take(length)?;
+        let bytes = self.bytes.take(length)?;
         Ok(String::from_utf8_lossy(bytes.strip_suffix(&[0]).unwrap_or(bytes)))
     }
 
@@ -76,9 +91,15 @@ impl<'a> Cdr<'a> {
 
     /// `std_msgs/msg/Header`: the stamp in ns.
     pub(super) fn header(&mut self) -> Result<i64, MessageFault> {
-        let (seconds, nanoseconds) = (self.i32()?, self.u32()?);
-        self.text()?;
-        Ok(i64::from(seconds) * 1_000_000_000 + i64::from(nanoseconds))
+        let seconds = if self.ros1 {
+            self.u32()?; // counter
+            i64::from(self.u32()?)
+        } else {
+            i64::from(self.i32()?)
+        };
+        let nanoseconds = self.u32()?;
+        self.text()?; // frame
+        Ok(seconds * 1_000_000_000 + i64::from(nanoseconds))
     }
 }
 
@@ -159,6 +180,15 @@ mod tests {
         let big = [0, 0, 0, 0, 0, 0, 0, 2, 0, 0, 0, 0, 0x3f, 0xf0, 0, 0, 0, 0, 0, 0];
         let mut cdr = Cdr::new(&big).expect("header");
         assert_eq!((cdr.u32(), cdr.f64()), (Ok(2), Ok(1.0)));
+    }
+
+    #[test]
+    fn ros1_has_a_counter_and_no_padding() {
+        let message = [9, 0, 0, 0, 0, 0, 0, 0x80, 5, 0, 0, 0, 1, 0, 0, 0, b'a', 7, 0, 0, 0];
+        let mut cdr = Cdr::ros1(&message);
+        assert_eq!(cdr.header(), Ok((1 << 31) * 1_000_000_000 + 5));
+        assert_eq!(cdr.u32(), Ok(7));
+        assert!(cdr.u32().is_err());
     }
 
     #[test]

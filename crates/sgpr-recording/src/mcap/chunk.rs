@@ -1,17 +1,17 @@
-//! Chunks of an MCAP file: records, packed or not.
+//! Chunks of an MCAP file, or of a bag of ROS 1: records, packed or not.
 
 use std::io::{self, Read};
 
 use super::bytes::{Bytes, MessageFault};
 
 /// A chunk: records, packed or not.
-pub(super) struct Chunk<'a> {
+pub(crate) struct Chunk<'a> {
     /// Unpacked length that it claims.
-    pub(super) size: u64,
+    pub(crate) size: u64,
     /// Of the unpacked bytes; 0 if there is none.
-    pub(super) checksum: u32,
-    compression: String,
-    packed: &'a [u8],
+    pub(crate) checksum: u32,
+    pub(crate) compression: String,
+    pub(crate) packed: &'a [u8],
 }
 
 impl<'a> Chunk<'a> {
@@ -33,7 +33,7 @@ impl<'a> Chunk<'a> {
 
     /// The unpacked bytes, as many as could be had and never more than claimed, and why they are
     /// not all.
-    pub(super) fn unpack(&self) -> (Vec<u8>, Option<MessageFault>) {
+    pub(crate) fn unpack(&self) -> (Vec<u8>, Option<MessageFault>) {
         let mut records = Vec::new();
         let result = match self.compression.as_str() {
             "" => (&mut &self.packed[..]).take(self.size).read_to_end(&mut records),
@@ -41,6 +41,10 @@ impl<'a> Chunk<'a> {
                 .and_then(|unpacked| unpacked.take(self.size).read_to_end(&mut records)),
             "lz4" => lz4::Decoder::new(self.packed)
                 .and_then(|unpacked| unpacked.take(self.size).read_to_end(&mut records)),
+            #[cfg(feature = "bags")]
+            "bz2" => bzip2::bufread::BzDecoder::new(self.packed)
+                .take(self.size)
+                .read_to_end(&mut records),
             other => Err(io::Error::other(format!("the compression `{other}` is not supported"))),
         };
         let fault = match result {

@@ -15,8 +15,8 @@ const MOST_KINDS: usize = 1000;
 pub(super) struct Collector<'a> {
     path: &'a str,
     options: &'a McapOptions,
-    /// Index into `logs`; `None` if the channel is not read.
-    by_channel: HashMap<u16, Option<usize>>,
+    /// Index into `logs`; `None` if the topic is not read.
+    by_topic: HashMap<Rc<Topic>, Option<usize>>,
     pub(super) logs: Vec<TopicLog>,
     /// Topics that are not read, and why.
     skipped: Vec<String>,
@@ -79,7 +79,7 @@ impl<'a> Collector<'a> {
         Self {
             path,
             options,
-            by_channel: HashMap::new(),
+            by_topic: HashMap::new(),
             logs: Vec::new(),
             skipped: Vec::new(),
             notes: Vec::new(),
@@ -91,7 +91,7 @@ impl<'a> Collector<'a> {
         let Some(index) = self.log_of(&message) else { return Ok(()) };
         let log = &mut self.logs[index];
         log.messages += 1;
-        let result = content(log.format, message.data)
+        let result = content(log.format, &message.topic.encoding, message.data)
             .and_then(|content| log.take(message.log_time, content));
         match result {
             Ok(bytes) => self.bytes += bytes,
@@ -116,7 +116,7 @@ impl<'a> Collector<'a> {
 
     /// The log of the topic of a message; channels of one topic share it.
     fn log_of(&mut self, message: &Message) -> Option<usize> {
-        if let Some(known) = self.by_channel.get(&message.channel) {
+        if let Some(known) = self.by_topic.get(message.topic) {
             return *known;
         }
         let topic = message.topic;
@@ -133,7 +133,7 @@ impl<'a> Collector<'a> {
                 None
             }
         };
-        self.by_channel.insert(message.channel, index);
+        self.by_topic.insert(topic.clone(), index);
         index
     }
 

@@ -50,36 +50,36 @@ pub(super) struct RecordFile {
 }
 
 impl RecordFile {
-    pub(super) fn open(path: &Path) -> Result<Self, RecordingError> {
-        let name = path.display().to_string();
-        let unreadable = |source| RecordingError::Unreadable { path: name.clone(), source };
+    /// - `name`: of the file, for messages
+    pub(super) fn open(path: &Path, name: &str) -> Result<Self, RecordingError> {
+        let unreadable = |source| RecordingError::Unreadable { path: name.into(), source };
         let file = File::open(path).map_err(unreadable)?;
         let length = file.metadata().map_err(unreadable)?.len();
         let mut reader = BufReader::with_capacity(1 << 16, file);
         let start = reader.fill_buf().map_err(unreadable)?;
         let wrong = |found, advice| RecordingError::WrongFormat {
-            path: name.clone(),
+            path: name.into(),
             expected: "MCAP",
             found,
             advice,
         };
         if start.is_empty() {
-            return Err(RecordingError::Empty { path: name });
+            return Err(RecordingError::Empty { path: name.into() });
         }
         if start.starts_with(b"SQLite format 3") {
             return Err(wrong(
                 "an SQLite bag of ROS 2",
-                "convert it with `ros2 bag convert`, storage_id: mcap",
+                "`read` reads it if its name ends in .db3 (in Rust with the feature `bags`)",
             ));
         }
         if start.starts_with(b"#ROSBAG") {
             return Err(wrong(
                 "a ROS 1 bag",
-                "convert it to a ROS 2 MCAP bag, e.g. with `rosbags-convert`",
+                "`read` reads it if its name ends in .bag (in Rust with the feature `bags`)",
             ));
         }
         if start.len() < mcap::MAGIC.len() && mcap::MAGIC.starts_with(start) {
-            return Err(RecordingError::Truncated { path: name, byte: 0, messages: 0 });
+            return Err(RecordingError::Truncated { path: name.into(), byte: 0, messages: 0 });
         }
         if !start.starts_with(mcap::MAGIC) {
             return Err(wrong(

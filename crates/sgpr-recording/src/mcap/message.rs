@@ -14,9 +14,12 @@ pub(super) const MOST_JOINTS: usize = 1000;
 /// Longest JSON message, bytes: it takes some twenty times as much memory.
 const LONGEST_JSON: usize = 1 << 20;
 
+/// What the messages of ROS 1 are encoded as.
+pub(crate) const ROS1: &str = "ros1";
+
 /// How the messages of a topic are understood.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum MessageFormat {
+pub(crate) enum MessageFormat {
     JointState,
     Float32,
     Float64,
@@ -27,10 +30,10 @@ pub(super) enum MessageFormat {
 
 impl MessageFormat {
     /// The format of a topic, or why its messages are not read.
-    pub(super) fn of(topic: &Topic) -> Result<Self, String> {
+    pub(crate) fn of(topic: &Topic) -> Result<Self, String> {
         match topic.encoding.as_str() {
             "json" => return Ok(Self::Json),
-            "cdr" => {}
+            "cdr" | ROS1 => {}
             "" => return Err("no encoding".into()),
             other => return Err(format!("encoding {other}")),
         }
@@ -97,11 +100,15 @@ impl JointValues {
 }
 
 /// Reads a message.
-pub(super) fn content(format: MessageFormat, data: &[u8]) -> Result<Content, MessageFault> {
+pub(super) fn content(
+    format: MessageFormat,
+    encoding: &str,
+    data: &[u8],
+) -> Result<Content, MessageFault> {
     if format == MessageFormat::Json {
         return json(data);
     }
-    let mut cdr = Cdr::new(data)?;
+    let mut cdr = if encoding == ROS1 { Cdr::ros1(data) } else { Cdr::new(data)? };
     let number = |name: &str, value: f64| Content {
         numbers: vec![(name.into(), value)],
         ..Content::default()
@@ -232,7 +239,7 @@ mod tests {
     use super::*;
 
     fn read(text: &str) -> Content {
-        content(MessageFormat::Json, text.as_bytes()).expect("JSON")
+        content(MessageFormat::Json, "json", text.as_bytes()).expect("JSON")
     }
 
     #[test]
@@ -277,7 +284,8 @@ mod tests {
 
     #[test]
     fn faults_are_named() {
-        let fault = |text: &str| content(MessageFormat::Json, text.as_bytes()).expect_err("broken");
+        let fault =
+            |text: &str| content(MessageFormat::Json, "json", text.as_bytes()).expect_err("broken");
         assert!(fault("{").starts_with("not JSON"));
         assert_eq!(fault(r#"{"name": ["a"], "position": [1, 2]}"#), "2 positions for 1 joint");
         assert_eq!(

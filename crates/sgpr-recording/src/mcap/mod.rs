@@ -1,8 +1,9 @@
-//! Logs in MCAP files: ROS 2 bags and logs of programs that write JSON.
+//! Logs in MCAP files: ROS 2 bags and logs of programs that write JSON. A folder with one MCAP
+//! file, as ROS 2 makes it, is read as that file.
 //!
 //! # What is understood
 //! - `sensor_msgs/msg/JointState` in CDR, either byte order; velocities and efforts may be missing.
-//!   SI units, as ROS asks.
+//!   SI units, as ROS asks. The same of ROS 1, encoding `ros1`.
 //! - JSON messages: objects like a JointState
 //!   (`{"header": {"stamp": {"sec": .., "nanosec": ..}}, "name": [..], "position": [..], "velocity": [..], "effort": [..]}`)
 //!   or without names (`{"t": .., "q": [..], "dq": [..], "tau": [..]}`). Numbers are doubles:
@@ -33,25 +34,26 @@
 //! are verified where the file has them.
 
 mod assemble;
-mod bytes;
+pub(crate) mod bytes;
 mod cdr;
-mod chunk;
+pub(crate) mod chunk;
 mod collect;
 mod file;
 mod joint_trajectory;
-mod message;
-mod scan;
+pub(crate) mod message;
+pub(crate) mod scan;
 mod write;
 
-use std::path::Path;
+use std::borrow::Cow;
+use std::path::{Path, PathBuf};
 
 use derive_setters::Setters;
 
 pub use joint_trajectory::write_joint_trajectory;
 pub use write::write;
 
-use super::{Format, Recording, RecordingError, require_joint_list};
-use scan::Damage;
+use super::{Format, Reader, Recording, RecordingError, require_joint_list};
+use scan::{Allowance, Message, Scan};
 
 /// How to read an MCAP file.
 #[derive(Clone, Debug, Setters)]
@@ -92,8 +94,9 @@ impl Default for McapOptions {
 pub static FORMAT: Format = Format {
     name: "MCAP",
     endings: &[".mcap"],
-    beginning: Some(b"\x89MCAP"),
-    read: |path, joints| read(path, &McapOptions::default().with_joints(joints)),
+    is_at: None,
+    begins: |path, start| start.starts_with(b"\x89MCAP") || only_file(path).is_some(),
+    read: Reader::Topics(|path, options| read(path, options)),
 };
 
 /// The time of a message.
@@ -103,6 +106,25 @@ pub enum Clock {
     HeaderStamp,
     /// When the message was recorded.
     LogTime,
+}
+
+/// More entries of a folder are not looked through: no bag has so many files.
+const MOST_ENTRIES: usize = 10_000;
+
+/// The MCAP file of a folder that holds one and no other file of a bag.
+fn only_file(folder: &Path) -> Option<PathBuf> {
+    let entries = folder.read_dir().ok()?.take(MOST_ENTRIES);
+    let mut parts =
+        entries.filter_map(|entry| Some(entry.ok()?.path())).filter(|path| is_part(path));
+    let (first, second) = (parts.next()?, parts.next());
+    let is_mcap = first.extension().is_some_and(|ending| ending == "mcap");
+    (second.is_none() && is_mcap && first.is_file()).then_some(first)
+}
+
+/// Whether a file is a part of a bag of ROS 2 by its name.
+pub(crate) fn is_part(path: &Path) -> bool {
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    [".mcap", ".db3"].iter().any(|ending| name.trim_end_matches(".zstd").ends_with(ending))
 }
 
 /// Reads an MCAP file. What is understood is told in the [module documentation](self).
@@ -124,13 +146,29 @@ pub enum Clock {
 /// ```
 pub fn read(path: impl AsRef<Path>, options: &McapOptions) -> Result<Recording, RecordingError> {
     let path = path.as_ref();
+    let path = only_file(path).map_or(Cow::Borrowed(path), Cow::Owned);
     let name = path.display().to_string();
-    check(&name, options)?;
-    let mut collector = collect::Collector::new(&name, options);
-    let scan =
-        scan::scan(path, options.limit_bytes, options.recover, |message| collector.take(message))?;
-    if let Some(damage) = scan.damage {
-        let error = damage_error(&name, damage, scan.messages);
+    recording_of(&name, options, |allowance, take| {
+        scan::scan(&path, &name, allowance, options.recover, take)
+    })
+}
+
+/// What takes each message.
+pub(crate) type Take<'a> = &'a mut dyn FnMut(Message) -> Result<(), RecordingError>;
+
+/// The recording of the messages that `scan` hands on.
+///
+/// - `path`: for messages
+pub(crate) fn recording_of(
+    path: &str,
+    options: &McapOptions,
+    scan: impl FnOnce(&mut Allowance, Take) -> Result<Scan, RecordingError>,
+) -> Result<Recording, RecordingError> {
+    check(path, options)?;
+    let mut collector = collect::Collector::new(path, options);
+    let mut allowance = Allowance::new(path, options.limit_bytes);
+    let scan = scan(&mut allowance, &mut |message| collector.take(message))?;
+    if let Some(error) = scan.damage {
         if !options.recover {
             return Err(error);
         }
@@ -139,7 +177,7 @@ pub fn read(path: impl AsRef<Path>, options: &McapOptions) -> Result<Recording, 
             .push(format!("recovered {} messages from a damaged file ({error})", scan.messages));
     }
     collector.finish();
-    assemble::assemble(&name, &scan.topics, collector, options)
+    assemble::assemble(path, &scan.topics, collector, options)
 }
 
 /// Refuses options that no log could satisfy.
@@ -157,13 +195,5 @@ fn check(path: &str, options: &McapOptions) -> Result<(), RecordingError> {
             Err(RecordingError::EntriesPerJoint { option, expected, found })
         }
         _ => Ok(()),
-    }
-}
-
-fn damage_error(path: &str, damage: Damage, messages: u64) -> RecordingError {
-    let path = path.to_string();
-    match damage {
-        Damage::Truncated { byte } => RecordingError::Truncated { path, byte, messages },
-        Damage::Corrupt { byte, cause } => RecordingError::Damaged { path, byte, cause },
     }
 }

@@ -13,55 +13,99 @@ use super::file::{FilePart, RecordFile};
 use crate::RecordingError;
 
 /// A channel: messages of one kind on one topic.
-#[derive(Debug)]
-pub(super) struct Topic {
-    pub(super) name: String,
-    /// How messages are encoded: `cdr`, `json`, ...
-    pub(super) encoding: String,
+#[derive(Debug, PartialEq, Eq, Hash)]
+pub(crate) struct Topic {
+    pub(crate) name: String,
+    /// How messages are encoded: `cdr`, `ros1`, `json`, ...
+    pub(crate) encoding: String,
     /// Name of their schema; empty if there is none.
-    pub(super) schema: String,
+    pub(crate) schema: String,
 }
 
 /// One message.
-pub(super) struct Message<'a> {
-    pub(super) channel: u16,
-    pub(super) topic: &'a Rc<Topic>,
+pub(crate) struct Message<'a> {
+    pub(crate) topic: &'a Rc<Topic>,
     /// ns
-    pub(super) log_time: u64,
-    pub(super) data: &'a [u8],
+    pub(crate) log_time: u64,
+    pub(crate) data: &'a [u8],
+}
+
+/// How many bytes may still be unpacked.
+pub(crate) struct Allowance {
+    path: String,
+    pub(crate) limit: u64,
+    pub(crate) left: u64,
+}
+
+impl Allowance {
+    /// - `path`: for messages
+    pub(crate) fn new(path: &str, limit: u64) -> Self {
+        Self { path: path.into(), limit, left: limit }
+    }
+
+    /// # Errors
+    /// If so many are not left.
+    pub(crate) fn require(&self, bytes: u64) -> Result<(), RecordingError> {
+        if bytes > self.left { Err(self.exceeded()) } else { Ok(()) }
+    }
+
+    /// # Errors
+    /// As [`Allowance::require`].
+    pub(crate) fn spend(&mut self, bytes: usize) -> Result<(), RecordingError> {
+        self.left = self.left.checked_sub(bytes as u64).ok_or_else(|| self.exceeded())?;
+        Ok(())
+    }
+
+    pub(crate) fn exceeded(&self) -> RecordingError {
+        RecordingError::TooLarge { path: self.path.clone(), limit: self.limit }
+    }
 }
 
 /// Why reading stopped early, or left something out.
 #[derive(Debug)]
-pub(super) enum Damage {
+pub(crate) enum Damage {
     Truncated { byte: u64 },
     Corrupt { byte: u64, cause: MessageFault },
 }
 
+impl Damage {
+    /// - `messages`: those that are readable
+    pub(crate) fn error(self, path: &str, messages: u64) -> RecordingError {
+        let path = path.to_string();
+        match self {
+            Self::Truncated { byte } => RecordingError::Truncated { path, byte, messages },
+            Self::Corrupt { byte, cause } => RecordingError::Damaged { path, byte, cause },
+        }
+    }
+}
+
 /// What a scan found besides messages.
-pub(super) struct Scan {
-    pub(super) topics: Vec<Rc<Topic>>,
-    pub(super) messages: u64,
+#[derive(Default)]
+pub(crate) struct Scan {
+    pub(crate) topics: Vec<Rc<Topic>>,
+    pub(crate) messages: u64,
     /// The first damage.
-    pub(super) damage: Option<Damage>,
+    pub(crate) damage: Option<RecordingError>,
 }
 
 /// Hands each message of the file to `take`. Stops at the first damage unless `recover`; then what
 /// follows is read too, as far as it can be told apart.
 ///
-/// Memory: one record of the file and, unpacked, one chunk, each at most `limit` bytes.
-pub(super) fn scan(
+/// Memory: one record of the file and, unpacked, one chunk, each at most as large as is allowed.
+///
+/// - `name`: of the file, for messages
+pub(crate) fn scan(
     path: &Path,
-    limit: u64,
+    name: &str,
+    allowance: &mut Allowance,
     recover: bool,
     take: impl FnMut(Message) -> Result<(), RecordingError>,
 ) -> Result<Scan, RecordingError> {
-    let name = path.display().to_string();
-    let mut file = RecordFile::open(path)?;
+    let mut file = RecordFile::open(path, name)?;
+    let limit = allowance.limit;
     let mut reader = MessageReader {
-        path: &name,
-        limit,
-        left: limit,
+        path: name,
+        allowance,
         recover,
         take,
         schemas: HashMap::new(),
@@ -71,10 +115,10 @@ pub(super) fn scan(
         damage: None,
     };
     if recover {
-        reader.read_definitions(RecordFile::open(path)?)?;
+        reader.read_definitions(RecordFile::open(path, name)?)?;
     }
     while reader.damage.is_none() || recover {
-        match file.next(&name, limit)? {
+        match file.next(name, limit)? {
             FilePart::Record { opcode, body, byte } => reader.record(opcode, &body, byte, true)?,
             FilePart::Partial { opcode, body, byte } => {
                 reader.record(opcode, &body, byte, false)?;
@@ -87,15 +131,15 @@ pub(super) fn scan(
             FilePart::End => break,
         }
     }
-    Ok(Scan { topics: reader.listed, messages: reader.messages, damage: reader.damage })
+    let messages = reader.messages;
+    let damage = reader.damage.map(|damage| damage.error(name, messages));
+    Ok(Scan { topics: reader.listed, messages, damage })
 }
 
 /// Understands records, of the file and of its chunks.
 struct MessageReader<'a, F> {
     path: &'a str,
-    limit: u64,
-    /// Bytes that may still be unpacked.
-    left: u64,
+    allowance: &'a mut Allowance,
     recover: bool,
     take: F,
     schemas: HashMap<u16, String>,
@@ -111,7 +155,7 @@ impl<F: FnMut(Message) -> Result<(), RecordingError>> MessageReader<'_, F> {
     /// them: the chunk that holds the first ones may be lost.
     fn read_definitions(&mut self, mut file: RecordFile) -> Result<(), RecordingError> {
         loop {
-            match file.next(self.path, self.limit)? {
+            match file.next(self.path, self.allowance.limit)? {
                 FilePart::Record { opcode: opcode @ (op::SCHEMA | op::CHANNEL), body, byte } => {
                     self.small_record(opcode, &body, byte)?;
                 }
@@ -194,7 +238,7 @@ impl<F: FnMut(Message) -> Result<(), RecordingError>> MessageReader<'_, F> {
             return Ok(());
         };
         self.messages += 1;
-        (self.take)(Message { channel, topic, log_time, data: bytes.rest() })
+        (self.take)(Message { topic, log_time, data: bytes.rest() })
     }
 
     fn chunk(&mut self, body: &[u8], byte: u64, whole: bool) -> Result<(), RecordingError> {
@@ -207,11 +251,9 @@ impl<F: FnMut(Message) -> Result<(), RecordingError>> MessageReader<'_, F> {
                 return Ok(());
             }
         };
-        if chunk.size > self.left {
-            return Err(RecordingError::TooLarge { path: self.path.into(), limit: self.limit });
-        }
+        self.allowance.require(chunk.size)?;
         let (records, fault) = chunk.unpack();
-        self.left -= records.len() as u64;
+        self.allowance.spend(records.len())?;
         if let (Some(cause), true) = (fault, whole) {
             self.corrupt(byte, cause);
             if !self.recover {

@@ -315,6 +315,8 @@ fn files_of_another_kind() {
     for (start, kind) in [
         (&b"\x89MCAP0\r\n"[..], "an MCAP file"),
         (b"PK\x03\x04", "a zip archive"),
+        (b"SQLite format 3\0", "an SQLite data base, not CSV: `read` reads a bag of ROS 2"),
+        (b"#ROSBAG V2.0\n", "a ROS 1 bag, not CSV: `read` reads it if its name ends in .bag"),
         (b"\x7fELF\0\0", "a binary file"),
     ] {
         let error = csv_error(start);

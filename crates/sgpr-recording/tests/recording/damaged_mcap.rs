@@ -148,8 +148,8 @@ fn a_message_that_breaks_its_schema() {
 #[test]
 fn files_of_another_kind() {
     for (start, kind, advice) in [
-        ("SQLite format 3\0", "an SQLite bag of ROS 2", "ros2 bag convert"),
-        ("#ROSBAG V2.0\n", "a ROS 1 bag", "rosbags-convert"),
+        ("SQLite format 3\0", "an SQLite bag of ROS 2", "ends in .db3"),
+        ("#ROSBAG V2.0\n", "a ROS 1 bag", "ends in .bag"),
         ("t,q1\n0,1\n", "a file of another kind", "89 4d 43 41 50"),
     ] {
         let text = error(start);

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use sgpr_recording::mcap::McapOptions;
 use sgpr_recording::{Recording, RecordingError, csv, mcap, read};
 
 fn log() -> Recording {
@@ -44,6 +45,38 @@ fn name_or_beginning_tell_the_format() {
         same(&read(at(name), Some(vec!["elbow".into()])).expect("a bag"), &["elbow"]);
     }
     same(&read(at("log.csv"), Some(vec!["elbow".into()])).expect("a table"), &["elbow"]);
+}
+
+#[test]
+fn a_folder_with_one_mcap_file() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let text = read(folder.path(), None).expect_err("no log").to_string();
+    let folders = "neither a ROS 2 bag (metadata.yaml, or one MCAP file) nor a LeRobot data set \
+                   (meta/info.json)";
+    assert!(text.ends_with(folders), "{text}");
+    let path = folder.path().join("bag_0.mcap");
+    mcap::write(&path, &[("/joint_states", &log())]).expect("a writable folder");
+    std::fs::write(folder.path().join("metadata.yaml"), "").expect("a writable folder");
+    let found = read(folder.path(), None).expect("a bag");
+    same(&found, &["shoulder", "elbow"]);
+    assert_eq!(found.source(), path.display().to_string());
+    // Two of them are more than MCAP.
+    std::fs::copy(&path, folder.path().join("bag_1.mcap")).expect("a writable folder");
+    let result = mcap::read(folder.path(), &McapOptions::default());
+    assert!(matches!(result, Err(RecordingError::Unreadable { .. })));
+}
+
+#[cfg(unix)]
+#[test]
+fn pipes_are_not_waited_for() {
+    let folder = tempfile::tempdir().expect("a folder");
+    for name in ["log.csv", "log"] {
+        let path = folder.path().join(name);
+        let made = std::process::Command::new("mkfifo").arg(&path).status();
+        assert!(made.is_ok_and(|status| status.success()));
+        let text = read(path, None).expect_err("no file").to_string();
+        assert!(text.ends_with("not a file: write what comes out of it to a file"), "{text}");
+    }
 }
 
 #[test]

@@ -1,11 +1,17 @@
 //! Reading, checking, repairing and writing logs.
 
+#[cfg(any(feature = "numpy", feature = "hdf5"))]
+mod arrays;
+#[cfg(feature = "bags")]
+mod bags;
 mod columns;
 mod csv_files;
 mod damaged_mcap;
 mod formats;
 mod inspection;
 mod mcap_files;
+#[cfg(feature = "parquet")]
+mod parquet_files;
 mod real_logs;
 mod repairs;
 

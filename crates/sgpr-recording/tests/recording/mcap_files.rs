@@ -61,6 +61,29 @@ fn all_compressions_and_changing_joint_order() {
 }
 
 #[test]
+fn messages_of_ros1() {
+    let mut message = vec![9, 0, 0, 0, 7, 0, 0, 0, 5, 0, 0, 0]; // counter and stamp
+    message.extend([1, 0, 0, 0, b'x', 1, 0, 0, 0, 5, 0, 0, 0]); // frame, and one name
+    message.extend(b"elbow");
+    message.extend([1, 0, 0, 0].into_iter().chain(2.5_f64.to_le_bytes()));
+    message.extend([0; 8]); // neither velocity nor effort
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("log.mcap");
+    let file = std::fs::File::create(&path).expect("a writable folder");
+    let mut writer = ::mcap::Writer::new(file).expect("written");
+    let schema = writer.add_schema("sensor_msgs/JointState", "ros1msg", b"").expect("written");
+    let channel = writer.add_channel(schema, "/joints", "ros1", &Default::default());
+    let channel_id = channel.expect("written");
+    let header =
+        ::mcap::records::MessageHeader { channel_id, sequence: 0, log_time: 1, publish_time: 1 };
+    writer.write_to_known_channel(&header, &message).expect("written");
+    writer.finish().expect("written");
+    let log = mcap::read(&path, &McapOptions::default()).expect("a log");
+    assert_eq!((log.time(), log.position()), (&[7_000_000_005][..], &[2.5][..]));
+    assert_eq!(log.joint_names(), ["elbow"]);
+}
+
+#[test]
 fn joints_in_order_of_appearance() {
     let log = read("zstd.mcap", &McapOptions::default());
     assert_eq!(log.joint_names(), ["wrist", "shoulder", "elbow"]);
