@@ -73,8 +73,8 @@ mod _sgpr {
     };
     #[pymodule_export]
     use crate::recording::{
-        Issue, Recording, Repaired, quantity_of_array, read_columns, read_csv, read_mcap,
-        write_mcap,
+        Issue, Pieces, Recording, Repaired, format_of, formats, quantity_of_array, read_columns,
+        read_csv, read_log, read_mcap, read_parquet_pieces, write_mcap,
     };
     #[pymodule_export]
     use crate::robot::{BaseParameters, Robot, puma560, regroupings, two_link};

@@ -2,6 +2,7 @@
 
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
 
 use numpy::{PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::prelude::*;
@@ -12,12 +13,14 @@ use sgpr_core::motion::average_periods;
 use sgpr_core::recording::csv::{self, ColumnMap, Columns, ReadOptions, Rows};
 use sgpr_core::recording::mcap::{self, Clock, McapOptions};
 use sgpr_core::recording::{
-    self as core, Channel, IssueKind, Layout, RecordingError, Repair, Resample, Severity, Units,
+    self as core, Channel, Format, IssueKind, Layout, Reader, RecordingError, Repair, Resample,
+    Severity, Units, parquet,
 };
 
 use crate::convert::{Numbers, array, choice, items, kind_of, positive, texts, unknown, view};
 use crate::detached::detached;
 use crate::errors::{IntoPyErr, invalid};
+use crate::keywords::Keywords;
 
 type Any<'py> = Bound<'py, PyAny>;
 type Array<'py> = Bound<'py, PyArrayDyn<f64>>;
@@ -1116,19 +1119,181 @@ pub fn read_mcap(
     recover: bool,
     limit_bytes: Option<u64>,
 ) -> PyResult<Recording> {
-    let options = McapOptions::default()
-        .with_joints(joints.map(|names| texts("joints", names)).transpose()?)
-        .with_logged_names(logged_names.map(|names| texts("logged_names", names)).transpose()?)
-        .with_topics(topics.map(|names| texts("topics", names)).transpose()?)
-        .with_clock(choice(
-            "clock",
-            clock,
-            &[("header", Clock::HeaderStamp), ("log", Clock::LogTime)],
-        )?)
-        .with_recover(recover)
-        .with_limit_bytes(limit_bytes.unwrap_or(McapOptions::default().limit_bytes));
+    let options =
+        TopicOptions { joints, logged_names, topics, clock, recover, limit_bytes }.read()?;
     let recording = detached(py, || mcap::read(&path, &options));
     recording.map(Recording::from).map_err(IntoPyErr::into_py_err)
+}
+
+/// Names and endings of the formats that are read, and the options of their files.
+#[pyfunction]
+pub fn formats() -> Vec<(&'static str, Vec<&'static str>, Vec<&'static str>)> {
+    let of = |format: &&Format| (format.name, format.endings.to_vec(), options_of(format));
+    core::FORMATS.iter().map(of).collect()
+}
+
+/// The name of the format of a file, and its options.
+#[pyfunction]
+pub fn format_of(py: Python<'_>, path: PathBuf) -> PyResult<(&'static str, Vec<&'static str>)> {
+    let format = detached(py, || Format::of(&path)).map_err(IntoPyErr::into_py_err)?;
+    Ok((format.name, options_of(format)))
+}
+
+fn options_of(format: &Format) -> Vec<&'static str> {
+    match format.read {
+        Reader::Table(_) => TABLE_OPTIONS.to_vec(),
+        Reader::Topics(_) => TOPIC_OPTIONS.to_vec(),
+    }
+}
+
+/// Reads a log of any format.
+///
+/// Parameters
+/// ----------
+/// path : str or os.PathLike
+/// joints, **options
+///     As in `read_csv` for tables and arrays, as in `read_mcap` for files with topics.
+#[pyfunction]
+#[pyo3(signature = (path, joints=None, **options))]
+pub fn read_log(
+    py: Python<'_>,
+    path: PathBuf,
+    joints: Option<&Bound<'_, PyAny>>,
+    options: Option<&Bound<'_, PyDict>>,
+) -> PyResult<Recording> {
+    let format = detached(py, || Format::of(&path)).map_err(IntoPyErr::into_py_err)?;
+    let recording = match format.read {
+        Reader::Table(read) => {
+            let options = table_options(joints, options)?;
+            detached(py, || read(&path, &options))
+        }
+        Reader::Topics(read) => {
+            let options = topic_options(joints, options)?;
+            detached(py, || read(&path, &options))
+        }
+    };
+    recording.map(Recording::from).map_err(IntoPyErr::into_py_err)
+}
+
+/// The rows of a Parquet file in pieces of so many, one in memory at a time.
+///
+/// Parameters
+/// ----------
+/// path : str or os.PathLike
+/// samples : int
+/// joints, **options
+///     As in `read_csv`.
+#[pyfunction]
+#[pyo3(signature = (path, samples, joints=None, **options))]
+pub fn read_parquet_pieces(
+    py: Python<'_>,
+    path: PathBuf,
+    samples: usize,
+    joints: Option<&Bound<'_, PyAny>>,
+    options: Option<&Bound<'_, PyDict>>,
+) -> PyResult<Pieces> {
+    let options = table_options(joints, options)?;
+    let pieces = detached(py, || parquet::pieces(&path, samples, &options));
+    let inner = Box::new(pieces.map_err(IntoPyErr::into_py_err)?);
+    Ok(Pieces { inner: Mutex::new(inner) })
+}
+
+/// Recordings one after the other.
+#[pyclass(module = "sgpr._sgpr", frozen)]
+pub struct Pieces {
+    inner: Mutex<Box<dyn Iterator<Item = Result<core::Recording, RecordingError>> + Send>>,
+}
+
+#[pymethods]
+impl Pieces {
+    fn __iter__(slf: Py<Self>) -> Py<Self> {
+        slf
+    }
+
+    fn __next__(&self, py: Python<'_>) -> PyResult<Option<Recording>> {
+        let next =
+            detached(py, || self.inner.lock().unwrap_or_else(PoisonError::into_inner).next());
+        next.transpose().map(|piece| piece.map(Recording::from)).map_err(IntoPyErr::into_py_err)
+    }
+}
+
+const TABLE_OPTIONS: [&str; 8] = [
+    "columns",
+    "units",
+    "torque_constants",
+    "accept",
+    "rows",
+    "seconds",
+    "sample_rate_hz",
+    "limit_bytes",
+];
+
+fn extracted<'py, T>(value: Option<Any<'py>>) -> PyResult<Option<T>>
+where
+    T: for<'a> FromPyObject<'a, 'py, Error = PyErr>,
+{
+    value.map(|value| value.extract()).transpose()
+}
+
+fn table_options(
+    joints: Option<&Bound<'_, PyAny>>,
+    options: Option<&Bound<'_, PyDict>>,
+) -> PyResult<ReadOptions> {
+    let given = Keywords::new(options, &TABLE_OPTIONS)?;
+    TableOptions {
+        joints,
+        columns: given.get("columns")?.as_ref(),
+        units: given.get("units")?.as_ref(),
+        torque_constants: given.get("torque_constants")?.as_ref(),
+        accept: given.get("accept")?.as_ref(),
+        rows: extracted(given.get("rows")?)?,
+        seconds: extracted(given.get("seconds")?)?,
+        sample_rate_hz: given.number("sample_rate_hz")?,
+        limit_bytes: extracted(given.get("limit_bytes")?)?,
+    }
+    .read()
+}
+
+const TOPIC_OPTIONS: [&str; 5] = ["logged_names", "topics", "clock", "recover", "limit_bytes"];
+
+fn topic_options(
+    joints: Option<&Bound<'_, PyAny>>,
+    options: Option<&Bound<'_, PyDict>>,
+) -> PyResult<McapOptions> {
+    let given = Keywords::new(options, &TOPIC_OPTIONS)?;
+    TopicOptions {
+        joints,
+        logged_names: given.get("logged_names")?.as_ref(),
+        topics: given.get("topics")?.as_ref(),
+        clock: given.word("clock")?.as_deref().unwrap_or("header"),
+        recover: extracted(given.get("recover")?)?.unwrap_or(false),
+        limit_bytes: extracted(given.get("limit_bytes")?)?,
+    }
+    .read()
+}
+
+/// Options of topics as Python gives them.
+struct TopicOptions<'a, 'py> {
+    joints: Option<&'a Any<'py>>,
+    logged_names: Option<&'a Any<'py>>,
+    topics: Option<&'a Any<'py>>,
+    clock: &'a str,
+    recover: bool,
+    limit_bytes: Option<u64>,
+}
+
+impl TopicOptions<'_, '_> {
+    fn read(self) -> PyResult<McapOptions> {
+        let Self { joints, logged_names, topics, clock, recover, limit_bytes } = self;
+        let clocks = [("header", Clock::HeaderStamp), ("log", Clock::LogTime)];
+        Ok(McapOptions::default()
+            .with_joints(joints.map(|names| texts("joints", names)).transpose()?)
+            .with_logged_names(logged_names.map(|names| texts("logged_names", names)).transpose()?)
+            .with_topics(topics.map(|names| texts("topics", names)).transpose()?)
+            .with_clock(choice("clock", clock, &clocks)?)
+            .with_recover(recover)
+            .with_limit_bytes(limit_bytes.unwrap_or(McapOptions::default().limit_bytes)))
+    }
 }
 
 /// Writes recordings as an MCAP file, one topic with `sensor_msgs/msg/JointState` for each;
@@ -1156,5 +1321,5 @@ pub fn write_mcap(py: Python<'_>, path: PathBuf, topics: &Bound<'_, PyAny>) -> P
 /// or None.
 #[pyfunction]
 pub fn quantity_of_array(name: &str) -> Option<&'static str> {
-    sgpr_core::recording::csv::quantity_of_array(name)
+    csv::quantity_of_array(name)
 }

@@ -26,7 +26,7 @@ def test_everything_is_exported() -> None:
     robots = {"puma560", "puma560_drives", "two_link", "two_link_drives"}
     # What the estimators and the readers of arrays are built on.
     within = {"FittedProcess", "FittedSemiParametric", "fit_process", "fit_semi_parametric", "restore_process"}
-    within |= {"quantity_of_array", "read_columns"}
+    within |= {"Pieces", "format_of", "formats", "quantity_of_array", "read_columns", "read_log", "read_parquet_pieces"}
     assert set(_sgpr.__all__) - robots - within <= set(sgpr.__all__)
     assert set(sgpr.robots.__all__) == robots
     assert all(hasattr(sgpr, name) for name in sgpr.__all__)

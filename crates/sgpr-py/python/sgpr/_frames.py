@@ -2,15 +2,14 @@
 
 import csv
 import io
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from importlib import import_module
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ._sgpr import Recording, RecordingError, SgprError
-from ._sgpr import read_columns as _core_read_columns
+from ._sgpr import Recording, RecordingError, SgprError, read_columns
 
 SOURCE = "table"
 
@@ -33,14 +32,7 @@ def read(frame: Any, joints: Sequence[str] | None = None, **options: Any) -> Rec
     names = [str(name) for name in frame.columns]
     series = [frame[name] if of_polars else frame.iloc[:, k] for k, name in enumerate(frame.columns)]
     values = [_of_polars(column) if of_polars else _of_pandas(column) for column in series]
-    return _core_read_columns(SOURCE, names, values, joints, **options)
-
-
-def read_columns(
-    table: Mapping[str, NDArray[Any]], source: str, joints: Sequence[str] | None, **options: Any
-) -> Recording:
-    """The same of columns of numbers, all of one length."""
-    return _core_read_columns(source, list(table), [plain(values) for values in table.values()], joints, **options)
+    return read_columns(SOURCE, names, values, joints, **options)
 
 
 def plain(values: NDArray[Any]) -> Column:

@@ -46,6 +46,7 @@ __all__ = [
     "Parameter",
     "Parameters",
     "Payload",
+    "Pieces",
     "Predictor",
     "ProcessPredictor",
     "Processing",
@@ -76,6 +77,8 @@ __all__ = [
     "excite",
     "fit_process",
     "fit_semi_parametric",
+    "format_of",
+    "formats",
     "identify",
     "identify_drive_gains",
     "identify_payload",
@@ -86,7 +89,9 @@ __all__ = [
     "quantity_of_array",
     "read_columns",
     "read_csv",
+    "read_log",
     "read_mcap",
+    "read_parquet_pieces",
     "record",
     "register_effect",
     "regroupings",
@@ -321,7 +326,14 @@ class Repaired:
     @property
     def actions(self) -> list[str]: ...
 
+@final
+class Pieces:
+    def __iter__(self) -> Pieces: ...
+    def __next__(self) -> Recording: ...
+
 def quantity_of_array(name: str) -> str | None: ...
+def format_of(path: _Path) -> tuple[str, list[str]]: ...
+def formats() -> list[tuple[str, list[str], list[str]]]: ...
 def read_columns(
     source: str,
     names: Sequence[str],
@@ -360,6 +372,8 @@ def read_mcap(
     recover: bool = False,
     limit_bytes: int | None = None,
 ) -> Recording: ...
+def read_log(path: _Path, joints: Sequence[str] | None = None, **options: Any) -> Recording: ...
+def read_parquet_pieces(path: _Path, samples: int, joints: Sequence[str] | None = None, **options: Any) -> Pieces: ...
 def write_mcap(path: _Path, topics: Mapping[str, Recording]) -> None: ...
 
 @final

@@ -17,7 +17,7 @@ _ROWS_AT_ONCE = 64
 
 
 def save_records(path: str | os.PathLike[str], records: Iterable[Record]) -> None:
-    """Write records to one Parquet file, which is complete or not there. Needs `pip install sgpr[parquet]`.
+    """Write records to one Parquet file, which is complete or not there. Needs `pip install sgpr[fleet]`.
 
     Columns besides `head` (JSON) and `factors` (numbers) are for people and queries: `source`, `robot` (fingerprint),
     `content_hash`, `start_time`, `end_time` (ns), `samples`, `rows`, and `labels` (JSON).
@@ -197,4 +197,4 @@ def _arrow(path: str | os.PathLike[str]) -> tuple[Any, Any]:
     try:
         return import_module("pyarrow"), import_module("pyarrow.parquet")
     except ImportError:
-        raise SgprError(f"{path}: files of records need PyArrow: pip install sgpr[parquet]") from None
+        raise SgprError(f"{path}: files of records need PyArrow: pip install sgpr[fleet]") from None

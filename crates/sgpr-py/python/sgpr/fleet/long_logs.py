@@ -2,12 +2,11 @@
 
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from .._sgpr import Model, Processing, Record, Recording, Robot, SgprError, record
+from .._sgpr import Model, Processing, Record, Recording, Robot, SgprError, read_parquet_pieces, record
 
 # As the core has it: periods of the log.
 _GAP = 5.0
@@ -114,10 +113,7 @@ def read_pieces(
     for name in options:
         if name not in _OPTIONS_OF_PIECES:
             raise TypeError(f"read_pieces() has no option `{name}`; those are {', '.join(_OPTIONS_OF_PIECES)}")
-    # Readers need the whole package.
-    from .. import _parquet
-
-    return _parquet.read_pieces(Path(path), joints, samples, options)
+    return read_parquet_pieces(path, samples, joints, **options)
 
 
 class _Window:
