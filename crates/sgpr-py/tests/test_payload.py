@@ -80,6 +80,20 @@ def test_gains_that_noise_would_draw_below_zero_are_found() -> None:
     assert (np.abs(found.gains - GAINS) < 4.0 * found.standard_deviations).all()
 
 
+def test_torques_with_the_other_sign_are_named(tmp_path: Path) -> None:
+    files = []
+    for name, recording in (("without.mcap", log(0 * LOAD, 5)), ("with.mcap", log(LOAD, 6))):
+        turned = sgpr.Recording(recording.time_ns, recording.q, None, -recording.tau, joint_names=recording.joint_names)
+        turned.save(tmp_path / name)
+        files.append(str(tmp_path / name))
+    arguments = ["payload", "--robot", "puma560", "--unloaded", files[0], "--loaded", files[1]]
+    found = run(*arguments, "--effects", "coulomb_friction", "--json")
+    assert found.code == 0, found.err
+    data = json.loads(found.out)
+    assert data["mass"] < 1.0
+    assert any(one["rank"] == "look" and "look negated" in one["text"] for one in data["messages"])
+
+
 def test_the_command_says_what_hangs_on_the_arm(tmp_path: Path) -> None:
     files = []
     for name, recording in (("without.mcap", log(0 * LOAD, 5)), ("with.mcap", log(LOAD, 6))):
@@ -92,6 +106,7 @@ def test_the_command_says_what_hangs_on_the_arm(tmp_path: Path) -> None:
     assert "payload of 2.0" in found.out or "payload of 1.9" in found.out
     data = json.loads((tmp_path / "out" / "payload.json").read_text())
     assert abs(data["mass"] / 2.0 - 1.0) < 0.02
+    assert not any("negated" in one["text"] for one in data["messages"])
     found = run(*arguments, "--known", "m=2", "--json")
     assert found.code == 0, found.err
     assert np.allclose(json.loads(found.out)["gains"], 1.0, atol=0.05)

@@ -100,6 +100,24 @@ def test_a_torque_with_the_other_sign_is_named(logs: list[sgpr.Recording], tmp_p
     assert "negate it there, or leave that session out" in said
 
 
+def test_torques_with_the_other_sign_in_all_sessions_are_named(logs: list[sgpr.Recording], tmp_path: Path) -> None:
+    pairs = []
+    for name, log in zip("ab", logs, strict=False):
+        path = tmp_path / f"{name}.csv"
+        sgpr.Recording(log.time_ns, log.q, log.dq, -log.tau, joint_names=log.joint_names).save(path)
+        pairs.append(f"{name}={path}")
+    found = run("sessions", "--robot", DEMO_ROBOT, "--logs", *pairs, "--out", tmp_path / "out")
+    assert found.code == 0, found.err
+    assert "look: all torques look negated" in " ".join(found.err.split())
+    data = json.loads((tmp_path / "out" / "sessions.json").read_text())
+    assert any("all torques look negated" in message["text"] for message in data["messages"])
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert page.index("Please note") < page.index("ll torques look negated") < page.index("Values of each session")
+    right = run("sessions", "--robot", DEMO_ROBOT, "--logs", f"a={DEMO_TRAIN[0]}", f"b={DEMO_TRAIN[1]}")
+    assert right.code == 0
+    assert "look:" not in right.err
+
+
 def test_identify_tells_that_logs_are_of_several_days(logs: list[sgpr.Recording], tmp_path: Path) -> None:
     march = 1_772_600_000 * 10**9
     starts = [march, march + 600 * 10**9, march + 3 * 86_400 * 10**9]

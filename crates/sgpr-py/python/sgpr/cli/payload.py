@@ -8,6 +8,8 @@ from .. import identify_drive_gains, identify_payload
 from ..report.numbers import percent, significant, with_deviation
 from .console import Output, to_json
 from .errors import one_of, wrong_use
+from .findings import as_data, of_logs
+from .findings import show as show_ranked
 from .fit_options import BodyOptions, EquationOptions
 from .options import Gravity, Joints
 from .output_folder import OutputFolder
@@ -15,6 +17,7 @@ from .project import joints_of
 from .reading import ReadingOptions, read_logs, stretches, tell_layouts
 from .results import headed
 from .robots import load_robot
+from .screening import doubts
 
 
 def payload(
@@ -106,6 +109,7 @@ def payload(
         link=link or arm.joint_names[-1],
         settings={**options, "reading": reading.to_dict(), "friction_may_change": friction_may_change},
     )
+    told = of_logs([*unloaded_logs, *loaded_logs])
     with output.progress() as progress:
         if payload_of:
             gains = identify_drive_gains(
@@ -124,10 +128,13 @@ def payload(
                 progress=progress,
                 **options,
             )
+            processing = {key: value for key, value in options.items() if key != "consistent"}
+            told = [*doubts(arm, unloaded_logs, processing, progress), *of_logs(loaded_logs)]
             data["mass"] = found.mass
             data["mass_standard_deviation"] = found.mass_deviation
             data["centre"] = found.centre
             data["parameters"] = found.to_dict()
+    data["messages"] = as_data(told)
     if folder:
         with folder:
             folder.write("payload.json", to_json(data))
@@ -136,6 +143,7 @@ def payload(
         show_gains(data, output)
     else:
         show_payload(data, output)
+    show_ranked(told, output, "see sgpr info")
     if folder:
         output.line(f"results: {folder.path}")
     output.result(data)

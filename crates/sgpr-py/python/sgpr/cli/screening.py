@@ -12,6 +12,7 @@ from .. import screen as screen_with
 from ..report.numbers import counted, percent, significant
 from .console import ProgressCallback
 from .effects import fitted_effects
+from .findings import Found, of_result
 from .reading import Log, stretches
 
 GOOD, POOR = 100.0, 500.0
@@ -44,6 +45,25 @@ def screened(
         "findings": [*said, *more],
         "how_much_data": how_much_data(robot, model.report.forecast or {}),
     }
+
+
+def doubts(
+    robot: Robot, logs: Sequence[Log], options: dict[str, Any], progress: ProgressCallback | None = None
+) -> list[Found]:
+    """What is wrong with logs, and what the physics of their robot finds suspicious in them.
+
+    For commands whose own result does not tell. Of logs that nothing can be identified from only what is wrong with
+    them: the command itself says why.
+    """
+    texts: list[str] = []
+    try:
+        own = LogSet(stretches(logs), whole=True)
+        model = identify_from(robot, own, progress=progress, **options)
+        texts = [] if model.report is None else list(model.report.warnings)
+        texts += [text for text in screen_with(model, own) if text not in texts]
+    except SgprError:
+        pass
+    return of_result(texts, logs)
 
 
 def how_much_data(robot: Robot, forecast: dict[str, Any]) -> dict[str, Any]:

@@ -12,6 +12,8 @@ from ..report.sessions import SessionsPage
 from . import describe
 from .console import Output, to_json
 from .errors import wrong_use
+from .findings import as_data, of_logs
+from .findings import show as show_ranked
 from .fit_options import EquationOptions
 from .options import Gravity, Joints, Open, open_page
 from .output_folder import OutputFolder
@@ -19,6 +21,7 @@ from .project import joints_of
 from .reading import Log, ReadingOptions, read_logs, stretches, tell_layouts
 from .results import headed
 from .robots import load_robot
+from .screening import doubts
 
 HOUR = 3600 * 10**9
 NANOSECONDS_PER_DAY = 24 * HOUR
@@ -63,6 +66,9 @@ def sessions(
     with output.progress() as progress:
         logs_of = {name: stretches(own) for name, own in read.items()}
         found = compare_sessions(arm, logs_of, progress=progress, **options)
+        # Of the first session, against which changes are told: those of others are told as such.
+        first, *others = read.values()
+        told = [*doubts(arm, first, options, progress), *of_logs(log for own in others for log in own)]
     data: dict[str, Any] = headed(
         "sessions",
         arm,
@@ -71,6 +77,7 @@ def sessions(
         sessions=found.names,
         sentences=found.sentences,
         tests=found.tests,
+        messages=as_data(told),
     )
     if folder:
         with folder:
@@ -80,6 +87,7 @@ def sessions(
                 found.model(name).save(folder.file(model_file(place, name)))
     tell_layouts([log for own in read.values() for log in own], output, of_all=joints is None)
     show(data, output)
+    show_ranked(told, output, "see the report (--out), or sgpr info")
     if folder:
         output.line(f"report: {folder.path / 'report.html'}")
     output.result(data)

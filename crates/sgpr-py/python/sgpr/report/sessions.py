@@ -9,6 +9,7 @@ from .. import SessionComparison
 from .colours import line_of
 from .figures import axis, layout, plain, rounded
 from .markup import Html, Section, element, items, join, paragraph, plot, table
+from .notes import good_to_know, please_note
 from .numbers import chance, percent, with_deviation
 from .page import page
 from .settings import settings_section
@@ -40,9 +41,11 @@ class SessionsPage:
             Section("values", "Values of each session", join(plots)),
             Section("tests", "All that was tested", self._tests()),
             Section("how", "How sure", _how()),
+            *good_to_know(self.data["messages"]),
             Section("settings", "Settings and provenance", settings_section(self._settings())),
         ]
-        lead = element("p", text, class_="verdict bad" if changed else "verdict")
+        verdict = element("p", text, class_="verdict bad" if changed else "verdict")
+        lead = join([verdict, *please_note(self.data["messages"])])
         title = f"{self.data['robot']['name']}: {len(names)} sessions"
         return page(title, lead, sections, {"figures": figures, "switches": {}, "torque": None})
 
