@@ -90,7 +90,8 @@ thesis: build
 
 test: test-rust test-python skipped
 
-RUST_TESTS = cargo test --locked --quiet $(PACKAGES) --package sgpr-c
+# With the formats of logs that are features.
+RUST_TESTS = cargo test --locked --quiet $(PACKAGES) --package sgpr-c --features sgpr-recording/formats
 
 test-rust: compilers
 	$(RUST_TESTS)
@@ -152,6 +153,7 @@ lint: build $(VENV)/.test lint-rust
 lint-rust:
 	cargo fmt --all --check
 	cargo clippy --locked --quiet --workspace --all-targets -- -D warnings
+	cargo clippy --locked --quiet --package sgpr-recording -- -D warnings # Without the formats that are features.
 	RUSTDOCFLAGS="-D warnings" cargo doc --locked --quiet --workspace --no-deps
 
 ## The oldest Rust that Cargo.toml promises, if rustup has it (rustup toolchain install $(MSRV)).
@@ -234,7 +236,7 @@ FUZZ_CASES ?= 100000
 VALUE_CASES ?= 2000
 fuzz:
 	SGPR_FUZZ_CASES=$(FUZZ_CASES) cargo test --locked --release --package sgpr-recording --package sgpr-core \
-		--test recording_hostile --test robot -- any changed damaged
+		--features sgpr-recording/formats --test recording_hostile --test robot -- any changed damaged
 	SGPR_FUZZ_CASES=$(VALUE_CASES) cargo test --locked --release --package sgpr-core --test hostile_values
 
 ## Files that are made where they reach code that no file reached before (fuzz/README.md), for FUZZ_SECONDS each.
