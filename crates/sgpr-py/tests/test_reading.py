@@ -241,6 +241,16 @@ def test_other_names_in_numpy_archives(log: sgpr.Recording, tmp_path: Path) -> N
         sgpr.read(path, ["a", "b"])
 
 
+def test_vectors_are_an_arm_of_one_joint(log: sgpr.Recording, tmp_path: Path) -> None:
+    path = tmp_path / "log.npz"
+    np.savez(path, t=log.t, q=log.q[:, 0], tau=log.tau[:, 0])
+    rec = sgpr.read(path, ["wrist"])
+    assert np.array_equal(rec.q, log.q[:, :1]) and np.array_equal(rec.tau, log.tau[:, :1])
+    np.savez(path, t=log.t, q=log.q[:, 0], tau=log.tau)
+    with pytest.raises(sgpr.RecordingError, match=r"tau: got \(50, 3\), expected \(50, 1\)"):
+        sgpr.read(path)
+
+
 def npz(path: Path, **arrays: Any) -> Path:
     np.savez(path, **arrays)
     return path

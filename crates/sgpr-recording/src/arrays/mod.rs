@@ -10,9 +10,10 @@
 //! | names of the joints | `joint_names` | `(n,)` |
 //!
 //! Other names that say the quantity and nothing else are understood, with or without a unit:
-//! `q_deg`, `qd [rpm]`. Arrays that lie on their side are turned. Whole numbers as time are ns if
-//! no unit is told, times of 64 bits are exact. Vectors of one number per sample become channels.
-//! [`ReadOptions::columns`] names arrays here: a [`Columns::Pattern`] without braces is one.
+//! `q_deg`, `qd [rpm]`. Arrays that lie on their side are turned, those of one joint may be
+//! vectors. Whole numbers as time are ns if no unit is told, times of 64 bits are exact. Vectors of
+//! one number per sample become channels. [`ReadOptions::columns`] names arrays here: a
+//! [`Columns::Pattern`] without braces is one.
 //!
 //! MATLAB and HDF5 files have structures and groups: `run.q` is called `q` where no other array is.
 //! Where none of their arrays has a column per joint, vectors are read as the columns of a table.
@@ -82,7 +83,7 @@ pub(crate) fn recording_of_vectors(
     options: &ReadOptions,
 ) -> Result<Recording, RecordingError> {
     // A number alone is a setting.
-    let mut arrays = FileArrays {
+    let arrays = FileArrays {
         path,
         arrays: held::with_short_names(
             arrays.into_iter().filter(|array| array.len() > 1 || array.is_text()).collect(),
@@ -93,11 +94,6 @@ pub(crate) fn recording_of_vectors(
     if let Some(position) = roles[POSITION] {
         let counted = options.sample_rate_hz.is_some() || roles[TIME].is_some();
         if arrays.arrays[position].shape.len() == 2 || counted {
-            if arrays.arrays[position].shape.len() == 1 {
-                for place in roles[POSITION..].iter().flatten() {
-                    arrays.arrays[*place].shape.push(1);
-                }
-            }
             return recording_of(path, arrays.arrays, options);
         }
     }
@@ -274,11 +270,11 @@ impl FileArrays<'_> {
                 }
                 continue;
             }
-            if let [rows, columns] = array.shape[..]
-                && rows != samples
-                && columns == samples
-            {
-                array.transpose();
+            match array.shape[..] {
+                // Of an arm of one joint.
+                [rows] if rows == samples => array.shape.push(1),
+                [rows, columns] if rows != samples && columns == samples => array.transpose(),
+                _ => {}
             }
             let n = dof.map_or_else(|| "n".to_string(), |n: usize| n.to_string());
             match array.shape[..] {
