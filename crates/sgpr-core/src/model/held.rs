@@ -416,8 +416,7 @@ impl Task<'_> {
         (!all.is_empty()).then(|| {
             format!(
                 "{} would come out negative, which no friction or rotor is: something that the \
-                 model lacks imitates it. Friction is held at zero. `sgpr diagnose` looks for what \
-                 is missing",
+                 model lacks, and that a diagnosis looks for, imitates it. Friction is held at zero",
                 all.join(", ")
             )
         })
