@@ -8,7 +8,7 @@ OUT := out
 CRATES := lapack predict recording numeric gp core
 PACKAGES := $(foreach crate,$(CRATES),--package sgpr-$(crate))
 SOURCES := Cargo.toml Cargo.lock $(foreach crate,$(CRATES) py,crates/sgpr-$(crate)/Cargo.toml) crates/sgpr-py/pyproject.toml \
-	$(shell find $(foreach crate,$(CRATES) py,crates/sgpr-$(crate)/src) crates/sgpr-py/python \
+	$(shell find $(foreach crate,$(CRATES) py,crates/sgpr-$(crate)/src) crates/sgpr-py/python examples/thesis \
 	-name '*.rs' -o -name '*.py' -o -name '*.pyi' -o -name '*.js' -o -name '*.css' -o -name '*.html')
 
 .PHONY: docs figures readme first-hour package semver sdist build c-library controller-demo demo workbench fleet-demo fleet-alarms demo-real estimators test test-rust compiled test-python skipped browser compilers lint lint-rust msrv deny bench \
@@ -28,6 +28,7 @@ $(VENV)/.built: $(SOURCES) | $(VENV)/.pip
 		--interpreter $(BIN)/python --out $(VENV)/wheels
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --force-reinstall --no-deps $(VENV)/wheels/*.whl
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check $(VENV)/wheels/*.whl
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --force-reinstall --no-deps examples/thesis
 	@touch $@
 
 $(VENV)/.test: crates/sgpr-py/pyproject.toml | $(VENV)/.built
@@ -149,6 +150,7 @@ lint: build $(VENV)/.test lint-rust
 	$(BIN)/ruff format --check crates/sgpr-py examples tests benches tools
 	$(BIN)/python -m mypy.stubtest sgpr._sgpr
 	$(BIN)/python -m mypy --strict --package sgpr
+	$(BIN)/python -m mypy --strict examples/thesis/sgpr_thesis
 
 lint-rust:
 	cargo fmt --all --check

@@ -2,14 +2,15 @@
 
 import json
 import re
+import sys
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from cli_support import run
-from sgpr.thesis import published
-from sgpr.thesis.experiments import Arm, Settings, puma560, two_link
+from sgpr_thesis import published
+from sgpr_thesis.experiments import Arm, Settings, puma560, two_link
 
 
 @pytest.fixture(scope="module")
@@ -170,3 +171,10 @@ def test_bars_have_lengths_and_numbers_at_their_axis(out: Path) -> None:
 def test_wrong_use(tmp_path: Path) -> None:
     found = run("reproduce", "book", "--out", tmp_path / "out")
     assert found.code == 2 and "thesis" in found.err and not (tmp_path / "out").exists()
+
+
+def test_without_its_package_the_command_names_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "sgpr_thesis", None)
+    found = run("reproduce", "thesis", "--out", tmp_path / "out")
+    assert found.code == 1 and not (tmp_path / "out").exists()
+    assert "pip install examples/thesis" in " ".join(found.err.split())

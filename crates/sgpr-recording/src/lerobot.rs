@@ -1,8 +1,8 @@
 //! Episodes of LeRobot data sets: Parquet files with a list of numbers per sample, and JSON that
 //! names them.
 //!
-//! An episode is a log of its own: `FOLDER/episode_3`, the folder of a data set of one episode, or a
-//! Parquet file of one. `observation.state` is the position, `observation.velocity`,
+//! An episode is a log of its own: `FOLDER/episode_3`, the folder of a data set of one episode, or
+//! a Parquet file of one. `observation.state` is the position, `observation.velocity`,
 //! `observation.effort` and `observation.current` are what they say, unless the names of the motors
 //! say otherwise (`elbow.vel`); other features are channels. The time is that of the frames unless
 //! the stamps differ from it.

@@ -1,15 +1,14 @@
 """`sgpr reproduce`: published experiments, run again."""
 
+from importlib import import_module
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from ..report.numbers import significant
-from ..thesis import Settings, html, markdown
-from ..thesis import run as run_thesis
 from .console import Output, to_json
-from .errors import one_of
+from .errors import BadData, one_of
 from .output_folder import OutputFolder
 from .results import headed
 
@@ -29,22 +28,31 @@ def reproduce(
 ) -> None:
     """Runs every experiment of the thesis behind this library, and sets its numbers beside ours.
 
-    Writes to DIR: thesis.json, thesis.md (the tables) and report.html (the figures).
+    Writes to DIR: thesis.json, thesis.md (the tables) and report.html (the figures). Needs the package examples/thesis
+    of the repository.
     """
     one_of(work, WORKS, "thesis", "work")
+    try:
+        # Another package, which needs this one.
+        works: Any = import_module("sgpr_thesis")
+    except ImportError:
+        raise BadData(
+            "the experiments of the thesis are a package of their own: pip install examples/thesis, in the repository "
+            "of sgpr"
+        ) from None
     folder = OutputFolder(out)
-    thesis = run_thesis(Settings.short() if short else Settings(), output.note)
+    thesis = works.run(works.Settings.short() if short else works.Settings(), output.note)
     data: dict[str, Any] = headed(
         "reproduce",
         work=work,
         short=short,
         **thesis.data,
     )
-    text = markdown(thesis)
+    text = works.markdown(thesis)
     with folder:
         folder.write("thesis.json", to_json(data))
         folder.write("thesis.md", text)
-        folder.write("report.html", html(thesis, data))
+        folder.write("report.html", works.html(thesis, data))
         if page is not None:
             folder.write(str(Path(page).absolute()), text)
     deviation = 100.0 * thesis.data["case_2"]["largest_deviation"]

@@ -6,8 +6,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-
-from .. import Model, Recording, Robot, SemiParametricModel, Simulation, identify
+from sgpr import Model, Recording, Robot, SemiParametricModel, Simulation, identify
 
 Array = NDArray[np.float64]
 

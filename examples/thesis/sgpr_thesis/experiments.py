@@ -7,8 +7,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-
-from .. import (
+from sgpr import (
     Drive,
     Excitation,
     Model,
@@ -21,7 +20,8 @@ from .. import (
     identify,
     simulate,
 )
-from .. import robots as ready_made
+from sgpr import robots as ready_made
+
 from . import published
 from .models import ALL_EFFECTS, FRICTION, Process, mean_period, parametric, semi_parametric
 

@@ -5,14 +5,14 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
+from sgpr import Simulation, Trajectory
+from sgpr.report.colours import line_of
+from sgpr.report.figures import MANY_NAMES, axis, layout, rounded
+from sgpr.report.markup import Html, Section, element, join, paragraph, plot, table
+from sgpr.report.numbers import significant
+from sgpr.report.page import page
+from sgpr.report.settings import settings_section
 
-from .. import Simulation, Trajectory
-from ..report.colours import line_of
-from ..report.figures import MANY_NAMES, axis, layout, rounded
-from ..report.markup import Html, Section, element, join, paragraph, plot, table
-from ..report.numbers import significant
-from ..report.page import page
-from ..report.settings import settings_section
 from . import published
 from .beyond import PAYLOAD_GAINS
 from .experiments import IDENTIFIED, INTERNAL, SEMI_PARAMETRIC, Thesis

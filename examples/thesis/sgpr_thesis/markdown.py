@@ -24,7 +24,7 @@ HEAD = """# The thesis, run again
 
 `sgpr reproduce thesis` runs the experiments of S. Krishnamoorthi, *Model-Based Compensation for Serial Manipulators
 through Semi-Parametric Gaussian Process Regression*, MSc thesis, TU Delft (2018), and writes this page. Tables and
-sections are numbered as there.
+sections are numbered as there. The experiments are a package of their own, `examples/thesis` in the repository.
 
 Choices where the thesis is silent: gains act at the joints (see below), dry friction has a stiction of 1.05 times the
 Coulomb friction that falls off around 0.05 rad/s, encoders have steps of 1e-5 rad, and every motion starts and ends at

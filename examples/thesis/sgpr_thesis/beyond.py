@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from sgpr import Model, OnlineModel, Robot, Simulation, Trajectory, simulate
 
-from .. import Model, OnlineModel, Robot, Simulation, Trajectory, simulate
 from . import published
 from .experiments import IDENTIFIED, IDENTIFIED_ALL, INTERNAL, SEMI_PARAMETRIC, Arm, Known, Tell, Thesis
 from .models import ALL_EFFECTS, parametric
