@@ -437,3 +437,10 @@ def test_every_option_with_numbers_takes_or_refuses_any_of_them(log: str, tmp_pa
                     assert "should not happen" not in done.err, (option.opts, value, done.err)
                     asked += 1
     assert asked > 60
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="a system without named pipes")
+def test_a_pipe_in_place_of_a_log_is_refused_and_not_waited_for(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "log.csv")
+    found = run("info", tmp_path / "log.csv")
+    assert found.code == 1 and "a pipe or a device" in found.err

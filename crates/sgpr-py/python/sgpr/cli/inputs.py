@@ -25,7 +25,8 @@ def kind_of(name: str) -> Kind:
     path = Path(name)
     if name in READY_MADE and not path.exists():
         return "robot"
-    if path.is_dir() or (not path.exists() and is_log(path)):
+    # Folders; and pipes and devices, which the reader of logs refuses: to open one may wait for ever.
+    if (path.exists() and not path.is_file()) or (not path.exists() and is_log(path)):
         return "log"
     with path.open("rb") as file:
         head = file.read(HEAD_BYTES)
