@@ -38,6 +38,18 @@ impl<'a, 'py> Keywords<'a, 'py> {
         Ok(value.filter(|value| !value.is_none()))
     }
 
+    /// A value that Python's own rules make a `T`.
+    pub fn extract<T>(&self, name: &str) -> PyResult<Option<T>>
+    where
+        T: for<'b> FromPyObject<'b, 'py, Error = PyErr>,
+    {
+        let Some(value) = self.get(name)? else { return Ok(None) };
+        let shown = value.repr()?;
+        let named =
+            |error: PyErr| invalid(format!("{name} = {shown}: {}", error.value(value.py())));
+        value.extract().map(Some).map_err(named)
+    }
+
     pub fn number(&self, name: &str) -> PyResult<Option<f64>> {
         self.get(name)?.map(|value| number(name, &value)).transpose()
     }

@@ -941,36 +941,16 @@ impl TableOptions<'_, '_> {
 /// joints, **options
 ///     As in `read_csv`; `limit_bytes` is that of the numbers.
 #[pyfunction]
-#[pyo3(signature = (source, names, values, joints=None, *, columns=None, units=None, torque_constants=None, accept=None,
-    rows=None, seconds=None, sample_rate_hz=None, limit_bytes=None))]
-#[expect(clippy::too_many_arguments, reason = "the options of a format")]
+#[pyo3(signature = (source, names, values, joints=None, **options))]
 pub fn read_columns(
     py: Python<'_>,
     source: &str,
     names: Vec<String>,
     values: Vec<Bound<'_, PyAny>>,
     joints: Option<&Bound<'_, PyAny>>,
-    columns: Option<&Bound<'_, PyAny>>,
-    units: Option<&Bound<'_, PyAny>>,
-    torque_constants: Option<&Bound<'_, PyAny>>,
-    accept: Option<&Bound<'_, PyAny>>,
-    rows: Option<(i128, i128)>,
-    seconds: Option<(f64, f64)>,
-    sample_rate_hz: Option<f64>,
-    limit_bytes: Option<u64>,
+    options: Option<&Bound<'_, PyDict>>,
 ) -> PyResult<Recording> {
-    let given = TableOptions {
-        joints,
-        columns,
-        units,
-        torque_constants,
-        accept,
-        rows,
-        seconds,
-        sample_rate_hz,
-        limit_bytes,
-    };
-    let options = given.read()?;
+    let options = table_options(joints, options)?;
     let held = values.iter().map(HeldColumn::new).collect::<PyResult<Vec<_>>>()?;
     let named = names.len() == held.len();
     let mut columns = Vec::with_capacity(held.len());
@@ -1228,13 +1208,6 @@ const TABLE_OPTIONS: [&str; 8] = [
     "limit_bytes",
 ];
 
-fn extracted<'py, T>(value: Option<Any<'py>>) -> PyResult<Option<T>>
-where
-    T: for<'a> FromPyObject<'a, 'py, Error = PyErr>,
-{
-    value.map(|value| value.extract()).transpose()
-}
-
 fn table_options(
     joints: Option<&Bound<'_, PyAny>>,
     options: Option<&Bound<'_, PyDict>>,
@@ -1246,10 +1219,10 @@ fn table_options(
         units: given.get("units")?.as_ref(),
         torque_constants: given.get("torque_constants")?.as_ref(),
         accept: given.get("accept")?.as_ref(),
-        rows: extracted(given.get("rows")?)?,
-        seconds: extracted(given.get("seconds")?)?,
+        rows: given.extract("rows")?,
+        seconds: given.extract("seconds")?,
         sample_rate_hz: given.number("sample_rate_hz")?,
-        limit_bytes: extracted(given.get("limit_bytes")?)?,
+        limit_bytes: given.extract("limit_bytes")?,
     }
     .read()
 }
@@ -1266,8 +1239,8 @@ fn topic_options(
         logged_names: given.get("logged_names")?.as_ref(),
         topics: given.get("topics")?.as_ref(),
         clock: given.word("clock")?.as_deref().unwrap_or("header"),
-        recover: extracted(given.get("recover")?)?.unwrap_or(false),
-        limit_bytes: extracted(given.get("limit_bytes")?)?,
+        recover: given.extract("recover")?.unwrap_or(false),
+        limit_bytes: given.extract("limit_bytes")?,
     }
     .read()
 }

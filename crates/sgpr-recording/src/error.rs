@@ -65,9 +65,9 @@ pub enum RecordingError {
         /// What is wrong.
         cause: String,
     },
-    /// Arrays that do not make a log.
+    /// What is there does not make a log.
     #[error("{path}: {cause}")]
-    Arrays {
+    NoLog {
         /// File.
         path: String,
         /// What is wrong, and what to do.

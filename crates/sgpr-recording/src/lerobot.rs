@@ -54,9 +54,6 @@ const DEEPEST: usize = 4;
 /// Digits of the number of an episode.
 const MOST_DIGITS: usize = 9;
 
-/// Rows that are unpacked at once.
-const ROWS: usize = 8192;
-
 /// A path in a data set.
 #[derive(Debug)]
 struct Episode {
@@ -84,7 +81,7 @@ struct Episode {
 pub fn read(path: impl AsRef<Path>, options: &ReadOptions) -> Result<Recording, RecordingError> {
     let path = path.as_ref();
     let name = path.display().to_string();
-    let invalid = |cause: String| RecordingError::Arrays { path: name.clone(), cause };
+    let invalid = |cause: String| RecordingError::NoLog { path: name.clone(), cause };
     let found = Episode::at(path)
         .ok_or_else(|| invalid("no episode of a LeRobot data set (meta/info.json)".into()))?;
     let info = found.info()?;
@@ -152,7 +149,7 @@ impl Episode {
     fn info(&self) -> Result<Value, RecordingError> {
         let place = self.root.join("meta").join("info.json");
         let path = place.display().to_string();
-        let invalid = |cause: String| RecordingError::Arrays { path: path.clone(), cause };
+        let invalid = |cause: String| RecordingError::NoLog { path: path.clone(), cause };
         let unreadable = |source| RecordingError::Unreadable { path: path.clone(), source };
         let mut text = Vec::new();
         let file = File::open(&place).map_err(unreadable)?;
@@ -183,7 +180,7 @@ impl Episode {
         let number = self.chosen(path, &places)?;
         let table = ParquetTable::open(&places[&number], |kind| is_list(kind) || is_plain(kind))?;
         let skipped = table.skipped();
-        let columns = table.columns(ROWS, limit)?;
+        let columns = table.columns(limit)?;
         let rows: Option<Vec<usize>> =
             columns.iter().find(|column| column.name() == EPISODE).map(|column| {
                 (0..column.rows()).filter(|row| column.integer(*row) == Some(number)).collect()
@@ -223,7 +220,7 @@ impl Episode {
 
     /// The episode that the path means.
     fn chosen(&self, path: &str, places: &BTreeMap<i64, PathBuf>) -> Result<i64, RecordingError> {
-        let invalid = |cause| Err(RecordingError::Arrays { path: path.into(), cause });
+        let invalid = |cause| Err(RecordingError::NoLog { path: path.into(), cause });
         let ends = places.keys().next().zip(places.keys().next_back());
         let Some((first, last)) = ends else {
             let cause = "a LeRobot data set without Parquet files in its folder `data`";
@@ -261,7 +258,7 @@ fn collect(folder: &Path, files: &mut Vec<PathBuf>) -> std::io::Result<()> {
 /// The episodes of a file, by their column or by its name.
 fn episodes(file: &Path, limit: u64) -> Result<Vec<i64>, RecordingError> {
     let table = ParquetTable::open(file, is_plain)?.only(EPISODE);
-    let Some(column) = table.columns(ROWS, limit)?.pop() else {
+    let Some(column) = table.columns(limit)?.pop() else {
         let stem = file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
         let digits = stem.len() - stem.trim_end_matches(|c: char| c.is_ascii_digit()).len();
         return Ok(vec![stem[stem.len() - digits..].parse().unwrap_or(0)]);
@@ -291,7 +288,7 @@ fn time(path: &str, rows: &[Feature], info: &Value) -> Result<Vec<f64>, Recordin
             Ok(if differ { stamps } else { even })
         }
         (Some(time), None) | (None, Some(time)) => Ok(time),
-        (None, None) => Err(RecordingError::Arrays {
+        (None, None) => Err(RecordingError::NoLog {
             path: path.into(),
             cause: "neither `timestamp` nor `frame_index` with `fps`; give `sample_rate_hz`".into(),
         }),

@@ -11,16 +11,14 @@ use std::path::{Path, PathBuf};
 use parquet::arrow::ProjectionMask;
 use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
 use parquet::errors::ParquetError;
-
 use parquet::file::reader::{FileReader, SerializedFileReader};
 
 use crate::arrays::recording_of_vectors;
 use crate::csv::{NamedColumn, ReadOptions, read_columns};
 use crate::guarded::guarded;
 use crate::{Format, Reader, Recording, RecordingError};
-pub(crate) use column::{ParquetColumn, is_list, is_plain};
-
 use column::is_number;
+pub(crate) use column::{ParquetColumn, is_list, is_plain};
 
 /// Parquet files.
 pub static FORMAT: Format = Format {
@@ -54,7 +52,7 @@ pub fn read(path: impl AsRef<Path>, options: &ReadOptions) -> Result<Recording, 
     let name = path.display().to_string();
     let table = ParquetTable::open(path, |kind| is_number(kind) || is_list(kind))?;
     let notes = table.notes();
-    let columns = table.columns(ROWS, options.limit_bytes)?;
+    let columns = table.columns(options.limit_bytes)?;
     let recording = if columns.iter().any(ParquetColumn::is_list) {
         let arrays = columns.into_iter().map(|column| column.into_array(&name));
         recording_of_vectors(&name, arrays.collect::<Result<_, _>>()?, options)?
@@ -81,7 +79,7 @@ pub fn pieces(
     let lists: Vec<&str> =
         table.kinds().filter(|(_, kind)| is_list(kind)).map(|(n, _)| n).collect();
     if !lists.is_empty() {
-        return Err(RecordingError::Arrays {
+        return Err(RecordingError::NoLog {
             path: table.path.clone(),
             cause: format!("holds lists ({}), which are read whole", lists.join(", ")),
         });
@@ -163,11 +161,7 @@ impl ParquetTable {
     }
 
     /// The wanted columns, whole, within a limit of bytes.
-    pub(crate) fn columns(
-        self,
-        rows: usize,
-        limit: u64,
-    ) -> Result<Vec<ParquetColumn>, RecordingError> {
+    pub(crate) fn columns(self, limit: u64) -> Result<Vec<ParquetColumn>, RecordingError> {
         let path = self.path.clone();
         let metadata = self.builder.metadata();
         let numbers = |value: i64| u64::try_from(value).unwrap_or(u64::MAX);
@@ -182,7 +176,7 @@ impl ParquetTable {
             return Err(too_large());
         }
         let mut whole: Vec<ParquetColumn> = Vec::new();
-        for batch in self.batches(rows)? {
+        for batch in self.batches(ROWS)? {
             let batch = batch?;
             if whole.is_empty() {
                 whole = batch;

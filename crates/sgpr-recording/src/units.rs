@@ -246,6 +246,11 @@ impl TimeUnit {
         }
     }
 
+    /// So many units as ns; `None` beyond what 64 bits reach.
+    pub(super) fn nanoseconds(self, count: i64) -> Option<i64> {
+        count.checked_mul(10_i64.pow(self.power_of_ten().unsigned_abs()))
+    }
+
     /// The unit of a time that comes without: seconds, unless that would be later than the
     /// year 5000.
     pub(super) fn likely(time: f64) -> Self {

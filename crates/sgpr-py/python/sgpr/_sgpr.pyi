@@ -339,15 +339,7 @@ def read_columns(
     names: Sequence[str],
     values: Sequence[_Array | NDArray[Any] | list[str]],
     joints: Sequence[str] | None = None,
-    *,
-    columns: Mapping[str, str | Sequence[str]] | None = None,
-    units: Mapping[str, str] | None = None,
-    torque_constants: Sequence[float] | _Array | Mapping[str, float] | None = None,
-    accept: Sequence[str] | None = None,
-    rows: tuple[int, int] | None = None,
-    seconds: tuple[float, float] | None = None,
-    sample_rate_hz: float | None = None,
-    limit_bytes: int | None = None,
+    **options: Any,
 ) -> Recording: ...
 def read_csv(
     path: _Path,

@@ -111,8 +111,8 @@ impl Found {
         }
         match recording {
             Ok(recording) => Ok(recording.with_note(format!("not read: {skipped}"))),
-            Err(RecordingError::Arrays { path, cause }) => {
-                Err(RecordingError::Arrays { path, cause: format!("{cause}; not read: {skipped}") })
+            Err(RecordingError::NoLog { path, cause }) => {
+                Err(RecordingError::NoLog { path, cause: format!("{cause}; not read: {skipped}") })
             }
             error => error,
         }

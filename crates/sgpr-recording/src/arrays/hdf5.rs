@@ -1,9 +1,8 @@
 //! HDF5 files, among them MATLAB files of version 7.3.
 //!
 //! Numbers and texts of all groups are read. What holds something else, or is stored in a way that
-//! `hdf5-reader` (0.12.1) cannot read, is left out, and named in a note. On 45,000 damaged files
-//! that crate neither panicked nor took more memory than it was told; what it would read wrong or
-//! without limit is guarded here.
+//! `hdf5-reader` (0.12.1) cannot read, is left out, and named in a note. What that crate would read
+//! wrong or without limit is guarded here.
 
 mod attributes;
 mod lzf;

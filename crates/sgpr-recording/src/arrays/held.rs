@@ -53,15 +53,8 @@ impl NamedArray {
         count(&self.shape)
     }
 
-    /// As Python writes it: `(50, 3)`.
     pub(super) fn shape_text(&self) -> String {
-        match self.shape[..] {
-            [length] => format!("({length},)"),
-            _ => {
-                let lengths: Vec<String> = self.shape.iter().map(usize::to_string).collect();
-                format!("({})", lengths.join(", "))
-            }
-        }
+        shape_text(&self.shape)
     }
 
     pub(super) fn kind(&self) -> &str {
@@ -137,6 +130,17 @@ impl NamedArray {
         match self.content {
             ArrayContent::Values(values) => Some(NamedColumn { name: self.name, values }),
             ArrayContent::Other(_) => None,
+        }
+    }
+}
+
+/// A shape as Python writes it: `(50, 3)`, `(50,)`.
+pub(super) fn shape_text(shape: &[usize]) -> String {
+    match shape {
+        [length] => format!("({length},)"),
+        _ => {
+            let lengths: Vec<String> = shape.iter().map(usize::to_string).collect();
+            format!("({})", lengths.join(", "))
         }
     }
 }

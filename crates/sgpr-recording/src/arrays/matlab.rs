@@ -4,7 +4,7 @@
 //! Numbers, texts and cells of texts are read, also those in structures; complex numbers, sparse
 //! matrices, arrays of structures, other cells and objects are left out, and named in a note. No
 //! crate does that: `matfile` and `mat5` read no text, cells or structures, and `matrw` panics on
-//! structures of SciPy and on 32,187 of 45,000 damaged files. Every length is compared with what is
+//! structures of SciPy and on most damaged files. Every length is compared with what is
 //! there before anything is reserved.
 //!
 //! Source: MathWorks, MAT-File Format (R2024b): "Level 5 MAT-Files", "Level 4 MAT-Files".

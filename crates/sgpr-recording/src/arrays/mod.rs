@@ -125,7 +125,7 @@ pub(crate) fn recording_of_vectors(
 }
 
 fn invalid(path: &str, cause: String) -> RecordingError {
-    RecordingError::Arrays { path: path.into(), cause }
+    RecordingError::NoLog { path: path.into(), cause }
 }
 
 /// Arrays with their shapes, the largest first.

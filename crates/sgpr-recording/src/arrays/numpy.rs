@@ -9,9 +9,10 @@ use zip::ZipArchive;
 use zip::result::ZipError;
 
 use super::bytes::{NumberKind, StoredNumber, each};
+use super::held::shape_text;
 use super::{ArrayContent, NamedArray, recording_of};
 use crate::csv::{ReadOptions, Values};
-use crate::{Format, Reader, Recording, RecordingError};
+use crate::{Format, Reader, Recording, RecordingError, TimeUnit};
 
 /// NumPy archives.
 pub static FORMAT: Format = Format {
@@ -63,7 +64,7 @@ pub fn read(path: impl AsRef<Path>, options: &ReadOptions) -> Result<Recording, 
     let mut arrays = Vec::with_capacity(members.len());
     for (place, array) in members {
         let mut member = archive.by_index(place).map_err(|error| match error {
-            ZipError::UnsupportedArchive(_) => RecordingError::Arrays {
+            ZipError::UnsupportedArchive(_) => RecordingError::NoLog {
                 path: name.clone(),
                 cause: format!("`{array}` is packed as NumPy packs nothing: save it with NumPy"),
             },
@@ -74,7 +75,7 @@ pub fn read(path: impl AsRef<Path>, options: &ReadOptions) -> Result<Recording, 
         // The size is believed only as far as there are data.
         (&mut member).take(size).read_to_end(&mut bytes).map_err(|error| damaged(error.into()))?;
         let read = array_of(&array, &bytes);
-        arrays.push(read.map_err(|cause| RecordingError::Arrays {
+        arrays.push(read.map_err(|cause| RecordingError::NoLog {
             path: name.clone(),
             cause: format!("`{array}`{cause}"),
         })?);
@@ -108,13 +109,8 @@ fn array_of(name: &str, bytes: &[u8]) -> Result<NamedArray, String> {
         .try_fold(element.size as u128, |size, length| size.checked_mul(*length as u128))
         .unwrap_or(u128::MAX);
     if expected != data.len() as u128 {
-        let lengths: Vec<String> = shape.iter().map(usize::to_string).collect();
-        let comma = if lengths.len() == 1 { "," } else { "" };
-        return Err(format!(
-            " should hold {expected} bytes for ({}{comma}), there are {}",
-            lengths.join(", "),
-            data.len()
-        ));
+        let (shape, found) = (shape_text(&shape), data.len());
+        return Err(format!(" should hold {expected} bytes for {shape}, there are {found}"));
     }
     let content = match element.values(data) {
         Some(values) => ArrayContent::Values(values),
@@ -228,16 +224,10 @@ impl ElementType {
                 Some(Values::Integers(data.iter().map(|byte| i64::from(*byte != 0)).collect()))
             }
             ('m' | 'M', 8) => {
-                let to_ns = match self.unit.as_deref()? {
-                    "s" => 1_000_000_000,
-                    "ms" => 1_000_000,
-                    "us" => 1_000,
-                    "ns" => 1,
-                    _ => return None,
-                };
+                let unit: TimeUnit = self.unit.as_deref()?.parse().ok()?;
                 let times: Option<Vec<i64>> = each(data, big_endian, i64::from_le_bytes)
                     .into_iter()
-                    .map(|time| time.checked_mul(to_ns))
+                    .map(|time| unit.nanoseconds(time))
                     .collect();
                 let times = times?.into();
                 Some(if self.kind == 'm' {

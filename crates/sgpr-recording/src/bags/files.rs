@@ -102,7 +102,7 @@ pub(super) fn of(path: &Path) -> Result<Vec<PathBuf>, RecordingError> {
                 "without {METADATA}, its files are of {count} bags ({some}{more}): read them one by \
                  one"
             );
-            Err(RecordingError::Arrays { path: name, cause })
+            Err(RecordingError::NoLog { path: name, cause })
         }
     }
 }

@@ -148,9 +148,7 @@ impl TableRow for ColumnsRow<'_> {
         let power = unit.power_of_ten();
         match &self.columns[column].values {
             Values::Numbers(values) => nanoseconds_of(values[self.index], power),
-            Values::Integers(values) => {
-                values[self.index].checked_mul(10_i64.pow(power.unsigned_abs()))
-            }
+            Values::Integers(values) => unit.nanoseconds(values[self.index]),
             Values::Seconds(values) if unit == TimeUnit::Second => Some(values[self.index]),
             Values::Seconds(values) => nanoseconds(&seconds_text(values[self.index]), power),
             Values::Instants(_) => None,

@@ -165,7 +165,7 @@ impl ParquetColumn {
         if !self.even {
             let cause =
                 format!("`{}` has samples of unequal length, or without numbers", self.name);
-            return Err(RecordingError::Arrays { path: path.into(), cause });
+            return Err(RecordingError::NoLog { path: path.into(), cause });
         }
         let numbers = self.values.into_numbers(&self.holes);
         Ok((numbers.len().checked_div(self.rows).unwrap_or(0), numbers))

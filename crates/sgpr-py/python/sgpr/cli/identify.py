@@ -10,7 +10,6 @@ import typer
 from .. import Comparison, CutoffInfluence, LogSet, Model, Robot, cutoff_influence
 from .. import compare as compare_with
 from .. import identify as identify_from
-from .. import screen as screen_with
 from ..report.identification import IdentificationPage
 from ..report.numbers import counted, percent
 from ..report.parameters import left_out as is_left_out
@@ -46,7 +45,7 @@ from .reading import Log, ReadingOptions, read_logs, stretches, tell_layouts
 from .results import judged
 from .robot_files import without_place
 from .robots import load_robot, tell_locked
-from .screening import excitation, repeated
+from .screening import excitation, repeated, unsaid
 from .sessions import tell_sessions
 
 ROBOT_FILES = {"robot.xml": "mjcf", "robot.urdf": "urdf"}
@@ -262,18 +261,12 @@ def run(robot: Robot, train: Sequence[Log], test: Sequence[Log], options: dict[s
         before=compare_with(nominal, judged, processing=model),
         after=compare_with(model, judged),
         influence=influence,
-        findings=_findings(model, training),
+        findings=unsaid(model, training),
         repeated=repeated(train, test),
         influence_errors=[
             describe.comparison(compare_with(other.model, judged, processing=model)) for other in influence
         ],
     )
-
-
-def _findings(model: Model, training: LogSet) -> list[str]:
-    """What is suspicious in the training logs and not said yet."""
-    said = [] if model.report is None else model.report.warnings
-    return [text for text in screen_with(model, training) if text not in said]
 
 
 FEW_PARAMETERS = 12

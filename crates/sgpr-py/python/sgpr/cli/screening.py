@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from .. import LogSet, Robot, SgprError, repeated_share, shared_samples
+from .. import LogSet, Model, Robot, SgprError, repeated_share, shared_samples
 from .. import identify as identify_from
 from .. import screen as screen_with
 from ..report.numbers import counted, percent, significant
@@ -35,16 +35,20 @@ def screened(
     except SgprError as error:
         return {**found, "refused": str(error)}
     assert model.fit is not None and model.report is not None, "just identified"
-    said = model.report.warnings
-    more = [text for text in screen_with(model, own) if text not in said]
     condition = model.fit["scaled_condition"]
     return {
         **found,
         "condition": condition if np.isfinite(condition) else None,
         "excitation": excitation(condition, len(model.parameters), model.fit["undetermined"]),
-        "findings": [*said, *more],
+        "findings": [*model.report.warnings, *unsaid(model, own)],
         "how_much_data": how_much_data(robot, model.report.forecast or {}),
     }
+
+
+def unsaid(model: Model, logs: LogSet) -> list[str]:
+    """What is suspicious in the logs of a model, and its report does not say."""
+    said = [] if model.report is None else model.report.warnings
+    return [text for text in screen_with(model, logs) if text not in said]
 
 
 def doubts(
@@ -59,8 +63,8 @@ def doubts(
     try:
         own = LogSet(stretches(logs), whole=True)
         model = identify_from(robot, own, progress=progress, **options)
-        texts = [] if model.report is None else list(model.report.warnings)
-        texts += [text for text in screen_with(model, own) if text not in texts]
+        assert model.report is not None, "just identified"
+        texts = [*model.report.warnings, *unsaid(model, own)]
     except SgprError:
         pass
     return of_result(texts, logs)
