@@ -4,6 +4,8 @@ PYTHON ?= $(shell command -v python3.11 || command -v python3)
 VENV := .venv
 BIN := $(VENV)/bin
 OUT := out
+# How the wheel is compiled; with `checked` it shares that with the tests (Cargo.toml, .ci/run).
+WHEEL := release
 # What the wheel is made of, in the order in which the crates need each other.
 CRATES := lapack predict recording numeric gp core
 PACKAGES := $(foreach crate,$(CRATES),--package sgpr-$(crate))
@@ -24,7 +26,7 @@ $(VENV)/.pip:
 # The wheel is built from the locked dependencies, in the workspace's own target folder, and installed like any wheel.
 $(VENV)/.built: $(SOURCES) | $(VENV)/.pip
 	rm -rf $(VENV)/wheels
-	$(BIN)/maturin build --release --locked --quiet --manifest-path crates/sgpr-py/Cargo.toml \
+	$(BIN)/maturin build --profile $(WHEEL) --locked --quiet --manifest-path crates/sgpr-py/Cargo.toml \
 		--interpreter $(BIN)/python --out $(VENV)/wheels
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --force-reinstall --no-deps $(VENV)/wheels/*.whl
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check $(VENV)/wheels/*.whl
@@ -91,13 +93,13 @@ thesis: build
 
 test: test-rust test-python skipped
 
-# With the formats of logs that are features.
-RUST_TESTS = cargo test --locked --quiet $(PACKAGES) --package sgpr-c --features sgpr-recording/formats
+# With the features of the wheel, which has no tests of its own here.
+RUST_TESTS = cargo test --locked --quiet --profile checked $(PACKAGES) --package sgpr-c --package sgpr-py
 
 test-rust: compilers
 	$(RUST_TESTS)
 
-# The same without running them; after the lints, which wait for the same folder of cargo's and fail sooner.
+# The same without running them; after the lints, which fail sooner.
 compiled: lint-rust
 	$(RUST_TESTS) --no-run
 
@@ -154,9 +156,9 @@ lint: build $(VENV)/.test lint-rust
 
 lint-rust:
 	cargo fmt --all --check
-	cargo clippy --locked --quiet --workspace --all-targets -- -D warnings
-	cargo clippy --locked --quiet --package sgpr-recording -- -D warnings # Without the formats that are features.
-	RUSTDOCFLAGS="-D warnings" cargo doc --locked --quiet --workspace --no-deps
+	cargo clippy --locked --quiet --profile checked --workspace --all-targets -- -D warnings
+	cargo clippy --locked --quiet --profile checked --package sgpr-recording -- -D warnings # Without formats that are features.
+	RUSTDOCFLAGS="-D warnings" cargo doc --locked --quiet --profile checked --workspace --no-deps
 
 ## The oldest Rust that Cargo.toml promises, if rustup has it (rustup toolchain install $(MSRV)).
 MSRV := $(shell sed -n 's/^rust-version = "\(.*\)"/\1/p' Cargo.toml)

@@ -29,7 +29,7 @@ class Options(ctypes.Structure):
 def library() -> ctypes.CDLL:
     target = Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target"))
     # Built by itself, or for the tests in Rust.
-    places = ("release", "debug", "release/deps", "debug/deps")
+    places = [profile + deps for profile in ("release", "checked", "debug") for deps in ("", "/deps")]
     found = [target / place / "libsgpr.so" for place in places]
     built = [path for path in found if path.exists()]
     if not built:
