@@ -17,9 +17,7 @@ use std::collections::{HashMap, HashSet};
 
 use rayon::prelude::*;
 
-use super::evidence::{
-    Comparison, EVEN, LeftOut, SURE, probability_of, probability_of_fall, weights,
-};
+use super::evidence::{Comparison, EVEN, LeftOut, probability_of, probability_of_fall, weights};
 use super::fit::{Fitted, left_out_parts};
 use super::likelihood::{Hypothesis, JointNoise, noises};
 use super::search::{
@@ -214,7 +212,7 @@ fn without_imitations(
 }
 
 /// Gain on parts of the logs, in its standard deviations, of what was surely found on blocks of
-/// time between others.
+/// time between others: one that was chosen there is asked once more, not one of many.
 const HOLDS: f64 = 2.0;
 
 /// `outcome` without the effects that do not predict parts of the logs better which are far from
@@ -304,7 +302,7 @@ fn rejected(search: &Search<'_>, outcome: &Outcome, beside: &Beside) -> Vec<(Str
             };
             probability = probability.min(most_probable(search, term, (gain, factor)));
             // What would not have been taken for it is at most as likely as not.
-            if probability > EVEN && !(gain.significance() >= SURE && elsewhere()) {
+            if probability > EVEN && !(gain.significance() >= search.sure && elsewhere()) {
                 probability = EVEN;
             }
         }

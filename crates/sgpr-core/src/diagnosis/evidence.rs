@@ -13,8 +13,15 @@ use crate::identification::deviate_of_t;
 use crate::linalg::mean_square;
 use sgpr_numeric::internal::Random;
 
-/// Least gain on left-out blocks, in its standard deviations, of whatever is said to be there.
-pub(super) const SURE: f64 = 2.5;
+/// What chance alone may lift above the gain that is asked, in a diagnosis.
+const BY_CHANCE: f64 = 1.0 / 3.0;
+
+/// Least gain, in its standard deviations, of what is said to be there and was chosen among so many
+/// that were `tried`, effects at their places, on blocks of time that were left out: 2.3 for thirty, 3.0 for 250
+/// (Bonferroni).
+pub(super) fn sure_among(tried: f64) -> f64 {
+    Normal::standard().inverse_cdf(1.0 - BY_CHANCE / tried.max(1.0))
+}
 
 /// As likely as not.
 pub(super) const EVEN: f64 = 0.5;

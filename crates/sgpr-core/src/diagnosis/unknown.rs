@@ -8,7 +8,7 @@ use faer::{Accum, Mat, Par};
 use rayon::prelude::*;
 
 use super::basis::Noise;
-use super::evidence::{EVEN, LeftOut, SURE, probability_of, probability_of_fall, weights};
+use super::evidence::{EVEN, LeftOut, probability_of, probability_of_fall, sure_among, weights};
 use super::fit::{Fitted, beyond};
 use super::left_out::{Extra, FoldFits};
 use super::likelihood::{Hypothesis, JointNoise};
@@ -488,8 +488,9 @@ pub(super) fn leftover(
         let matters =
             probability_of_fall(problem, [own, &with], joint, MATTERS, beyond[joint][0].powi(2));
         // Asked like an effect: what is not sure on left-out blocks is at most as likely as not.
+        let sure = sure_among((tried * problem.dof()) as f64);
         let most =
-            if own.against(&with, problem, &[joint]).significance() >= SURE { 1.0 } else { EVEN };
+            if own.against(&with, problem, &[joint]).significance() >= sure { 1.0 } else { EVEN };
         let mut probability = there.min(matters).min(most);
         if let Some(noises) = noises.filter(|_| probability > IMPROBABLE) {
             let (columns, precision) = processes[joint].columns(&smooth, problem);

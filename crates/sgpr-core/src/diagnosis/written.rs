@@ -11,7 +11,7 @@ use rayon::prelude::*;
 use super::by_log::ByLog;
 use super::decision::Decision;
 use super::elsewhere::Elsewhere;
-use super::evidence::{LeftOut, SURE};
+use super::evidence::LeftOut;
 use super::fit::{Fitted, beyond, left_out_parts};
 use super::problem::{FOLDS, Problem};
 use super::search::{Search, without};
@@ -29,6 +29,10 @@ pub(super) struct Written {
 /// Growth of a joint's error that is harm: the one that is seen on other logs differs by as much
 /// from chance.
 const HARM: f64 = 0.02;
+
+/// The same in standard deviations, where nothing that was found acts: there is one question a
+/// joint.
+const HARMED: f64 = 2.5;
 
 /// The given model with all findings but those that make it worse: while some joint is, the one
 /// without which it is best. A finding of the whole arm that makes some joint only less sure
@@ -132,7 +136,7 @@ impl Risk {
         }
         let in_band = before.parts.against(&self.parts, problem, &[joint]).significance();
         if !acts {
-            return (in_band < -SURE).then_some(Harm::Seen);
+            return (in_band < -HARMED).then_some(Harm::Seen);
         }
         // Beyond the band there is no fit, and no chance.
         let beyond = self.beyond[joint][0] > (1.0 + HARM) * before.beyond[joint][0];

@@ -5,7 +5,6 @@ use std::sync::Arc;
 use rayon::prelude::*;
 
 use super::super::basis::{Basis, Gain, INVISIBLE, gain_with};
-use super::super::evidence::SURE;
 use super::super::fit::{Fitted, refine_transforms, solve_like, without};
 use super::super::problem::Column;
 use super::candidates::Candidate;
@@ -188,7 +187,7 @@ impl Search<'_> {
         self.progress.step("refine constants", 1, 1)?;
         tried.retain(|Promise { candidate, outlook }| {
             let share = if candidate.term.is_transform() { BY_TANGENTS } else { NEARLY };
-            let is_sure = candidate.stands_out || outlook.significance > share * SURE;
+            let is_sure = candidate.stands_out || outlook.significance > share * self.sure;
             let matters = is_sure && outlook.fall > share * material(&candidate.term);
             matters && !candidate.impossible && candidate.score > EVIDENCE
         });

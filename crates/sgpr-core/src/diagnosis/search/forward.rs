@@ -5,7 +5,6 @@ use std::sync::Arc;
 use rayon::prelude::*;
 
 use super::super::basis::Basis;
-use super::super::evidence::SURE;
 use super::super::fit::{Fitted, left_out_parts, solve_like};
 use super::super::problem::Column;
 use super::candidates::Candidate;
@@ -433,7 +432,7 @@ impl Search<'_> {
                 .left_out
                 .against(&other.errors.left_out, &self.problem, &joints)
                 .significance()
-                >= SURE
+                >= self.sure
         };
         let best = (1..trials.len())
             .fold(0, |best, k| if beats(&trials[k], &trials[best]) { k } else { best });

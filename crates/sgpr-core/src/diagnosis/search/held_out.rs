@@ -5,7 +5,7 @@ use std::sync::Arc;
 use rayon::prelude::*;
 
 use super::super::by_log::ByLog;
-use super::super::evidence::{Comparison, LeftOut, SURE};
+use super::super::evidence::{Comparison, LeftOut};
 use super::super::fit::{Fitted, beyond, by_log};
 use super::super::left_out::{Extra, FoldFits};
 use super::super::problem::{Column, Problem};
@@ -191,7 +191,7 @@ impl Search<'_> {
     /// need not be sure, and rows at a limit of the torque are no equations.
     pub(super) fn is_sure(&self, without: &HeldOut, with: &HeldOut, term: &Term) -> bool {
         let asked = !is_limit(term) && term.effect.refines().is_none();
-        !asked || self.comparison(without, with, term).significance() >= SURE
+        !asked || self.comparison(without, with, term).significance() >= self.sure
     }
 
     /// Whether a torque makes the errors of the joints on which it acts larger: what lowers them in

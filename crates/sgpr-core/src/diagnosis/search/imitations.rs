@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::super::evidence::{LeftOut, SURE, weights};
+use super::super::evidence::{LeftOut, weights};
 use super::super::fit::{Fitted, left_out_states};
 use super::super::unknown::Processes;
 use super::{EVIDENCE, Search, without};
@@ -104,8 +104,7 @@ fn holds_elsewhere(search: &Search<'_>, fitted: &Fitted, index: usize, joint: us
     let (problem, noise) = (&search.problem, &search.noise);
     let bare = search.bare(fitted, index);
     let [without, with] = [&bare, fitted].map(|fit| left_out_states(problem, fit, noise, joint));
-    without
-        .iter()
-        .zip(&with)
-        .all(|(without, with)| without.against(with, problem, &[joint]).significance() >= SURE)
+    without.iter().zip(&with).all(|(without, with)| {
+        without.against(with, problem, &[joint]).significance() >= search.sure
+    })
 }

@@ -16,6 +16,7 @@ use std::collections::HashMap;
 use std::sync::Arc;
 
 use super::basis::Noise;
+use super::evidence::sure_among;
 use super::fit::{Fitted, solve, solve_like};
 use super::problem::{Column, Problem};
 use super::remembered::TermKey;
@@ -171,6 +172,8 @@ pub(super) struct Search<'a> {
     pub known: Vec<String>,
     pub noise: Noise,
     pub units: f64,
+    /// Least gain, in its standard deviations, of a finding ([`sure_among`]).
+    pub sure: f64,
     pub rows: f64,
     cache: HashMap<TermKey, Vec<Column>>,
     /// Values to start from, by effect, site and index of the constant, where the effect has none
@@ -194,9 +197,9 @@ impl<'a> Search<'a> {
         let robot = problem.nominal.robot();
         let units: usize = catalogue.iter().map(|effect| effect.sites(robot).len()).sum();
         let rows = problem.rows.iter().map(Vec::len).sum::<usize>() as f64;
-        let units = units as f64;
+        let (units, sure) = (units as f64, sure_among(units as f64));
         let (cache, grids) = (HashMap::new(), HashMap::new());
-        Self { problem, catalogue, known, noise, units, rows, cache, grids, progress, ranked }
+        Self { problem, catalogue, known, noise, units, sure, rows, cache, grids, progress, ranked }
     }
 
     /// The accepted terms with their indices in the fit and what the search knows of them, those
