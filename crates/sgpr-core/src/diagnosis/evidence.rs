@@ -16,8 +16,8 @@ use sgpr_numeric::internal::Random;
 /// What chance alone may lift above the gain that is asked, in a diagnosis.
 const BY_CHANCE: f64 = 1.0 / 3.0;
 
-/// Least gain, in its standard deviations, of what is said to be there and was chosen among so many
-/// that were `tried`, effects at their places, on blocks of time that were left out: 2.3 for thirty, 3.0 for 250
+/// Least gain on left-out blocks, in its standard deviations, of what is said to be there and was
+/// chosen among so many that were `tried`, effects at their places: 2.3 for thirty, 3.0 for 250
 /// (Bonferroni).
 pub(super) fn sure_among(tried: f64) -> f64 {
     Normal::standard().inverse_cdf(1.0 - BY_CHANCE / tried.max(1.0))
@@ -272,6 +272,15 @@ fn draws(count: usize) -> impl Iterator<Item = Vec<f64>> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn more_is_asked_where_more_is_tried() {
+        // Tables of the normal distribution: deviates that chance exceeds with these probabilities.
+        for (p, deviate) in [(0.05, 1.6449), (0.01, 2.3263), (0.001, 3.0902)] {
+            assert!((sure_among(BY_CHANCE / p) - deviate).abs() < 1e-4, "{p}");
+        }
+        assert_eq!(sure_among(0.0), sure_among(1.0));
+    }
 
     #[test]
     fn a_gain_bounds_the_bayes_factor_as_published() {
