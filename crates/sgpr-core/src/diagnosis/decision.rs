@@ -17,7 +17,9 @@ use std::collections::{HashMap, HashSet};
 
 use rayon::prelude::*;
 
-use super::evidence::{Comparison, EVEN, LeftOut, probability_of, probability_of_fall, weights};
+use super::evidence::{
+    Comparison, EVEN, LeftOut, probability_of, probability_of_fall, surprise, weights,
+};
 use super::fit::{Fitted, left_out_parts};
 use super::likelihood::{Hypothesis, JointNoise, noises};
 use super::search::{
@@ -284,7 +286,8 @@ fn rejected(search: &Search<'_>, outcome: &Outcome, beside: &Beside) -> Vec<(Str
     let probability = |term: &&Term| {
         let fitted = search.with_term(&outcome.fitted, (*term).clone());
         let (with, joints) = (search.errors(&fitted).left_out, search.joints_of(term));
-        let there = weights(problem, &[own, &with], &[0.0, -search.units.ln()], &joints)[1];
+        let before = -search.units.ln() - fitted.terms().last().map_or(0.0, surprise);
+        let there = weights(problem, &[own, &with], &[0.0, before], &joints)[1];
         let matters =
             |joint: &usize| probability_of_fall(problem, [own, &with], *joint, material(term), 0.0);
         let mut probability = there.min(joints.iter().map(matters).fold(0.0, f64::max));
@@ -341,20 +344,22 @@ fn judge_one(
         let there = fitted.terms().iter().any(|term| term.is_like(rival));
         *score > CLOSE * step.first_score && !there
     });
-    let in_its_place = |rival: &Term| search.with_instead(fitted, index, rival.clone());
+    let in_its_place = |rival: Term| search.with_instead(fitted, index, rival);
     let rivals: Vec<&Term> = rivals.take(RIVALS).map(|(rival, _)| rival).collect();
-    let mut models = vec![search.errors(&bare).left_out, own_errors.clone()];
-    models.extend(rivals.iter().map(|rival| search.errors(&in_its_place(rival)).left_out));
-    for twin in &step.twins {
-        let elsewhere = term.clone().with_site(*twin);
-        models.push(search.errors(&in_its_place(&elsewhere)).left_out);
-    }
-    let twins = models.len() - step.twins.len()..models.len();
+    let (mut models, mut surprises) = (Vec::new(), Vec::new());
+    let mut weigh = |fit: &Fitted| {
+        models.push(search.errors(fit).left_out);
+        surprises.push(fit.terms().iter().map(surprise).sum::<f64>());
+    };
+    weigh(&bare);
+    weigh(fitted);
+    rivals.iter().for_each(|rival| weigh(&in_its_place((*rival).clone())));
+    step.twins.iter().for_each(|twin| weigh(&in_its_place(term.clone().with_site(*twin))));
+    let twins = 2 + rivals.len()..2 + rivals.len() + step.twins.len();
     // A rival need not be instead of it: both may be there.
     let beside_it = |rival: &&&Term| search.may_join(fitted, rival.effect.as_ref(), rival.site);
-    let with_it =
-        |rival: &&Term| search.errors(&search.with_term(fitted, (*rival).clone())).left_out;
-    models.extend(rivals.iter().filter(beside_it).map(with_it));
+    let with_it = |rival: &&Term| weigh(&search.with_term(fitted, (*rival).clone()));
+    rivals.iter().filter(beside_it).for_each(with_it);
     let both = twins.end..models.len();
     // One of so many effects, and none, are as likely before any data.
     let one = -search.units.ln();
@@ -363,7 +368,8 @@ fn judge_one(
         k if both.contains(&k) => 2.0,
         _ => 1.0,
     };
-    let prior: Vec<f64> = (0..models.len()).map(|k| effects(k) * one).collect();
+    let known = |k: usize| surprises[0] - surprises[k];
+    let prior: Vec<f64> = (0..models.len()).map(|k| effects(k) * one + known(k)).collect();
     let of_all: Vec<&LeftOut> = models.iter().collect();
     let joints = search.joints_of(term);
     let weights_of =
@@ -391,7 +397,7 @@ fn judge_one(
         };
         let (alone, both) = (best(&bare)?.1, best(fitted).map(|(_, errors)| errors));
         let of_all: Vec<&LeftOut> = of_all.iter().copied().chain([&alone]).chain(&both).collect();
-        let prior = [&prior[..], &[one, 2.0 * one]].concat();
+        let prior = [&prior[..], &[one, one + prior[1]]].concat();
         weights_of(&of_all, &prior[..of_all.len()]).get(models.len()).copied()
     };
     let much_is_left =
@@ -421,7 +427,8 @@ fn most_probable(
 ) -> f64 {
     let constants = 0.5 * term.constants.len() as f64 * search.rows.max(2.0).ln();
     let most = |factor: f64| (factor - constants).max(gain.largest_log_bayes_factor());
-    log_bayes_factor.map_or(1.0, |factor| probability_of(most(factor) - search.units.ln()))
+    let before = search.units.ln() + surprise(term);
+    log_bayes_factor.map_or(1.0, |factor| probability_of(most(factor) - before))
 }
 
 /// Whether the errors of two models on left-out blocks differ at no joint by a share that matters:

@@ -11,6 +11,7 @@ use statrs::distribution::{ContinuousCDF, Normal};
 use super::problem::{Column, Problem};
 use crate::identification::deviate_of_t;
 use crate::linalg::mean_square;
+use crate::model::Term;
 use sgpr_numeric::internal::Random;
 
 /// What chance alone may lift above the gain that is asked, in a diagnosis.
@@ -29,6 +30,13 @@ pub(super) const EVEN: f64 = 0.5;
 /// The probability that belongs to the log of the odds.
 pub(super) fn probability_of(log_odds: f64) -> f64 {
     1.0 / (1.0 + (-log_odds).clamp(-700.0, 700.0).exp())
+}
+
+/// By how much the values of a term's constants lower its log odds, where something is known of
+/// them before any data: by half their squares in standard deviations.
+pub(super) fn surprise(term: &Term) -> f64 {
+    let constants = term.effect.constants().iter().zip(&term.constants);
+    constants.map(|(constant, value)| 0.5 * (value / constant.expected).powi(2)).sum()
 }
 
 /// Errors of one model on blocks that were left out of its fit, per joint and row, N·m (N).
@@ -73,7 +81,7 @@ impl Comparison {
 
 /// Mean of values in standard deviations of it: the normal deviate that is as improbable as
 /// Student's t with as few values.
-fn deviate_of_mean(values: &[f64]) -> f64 {
+pub(super) fn deviate_of_mean(values: &[f64]) -> f64 {
     let count = values.len() as f64;
     if count < 3.0 {
         return 0.0;
@@ -271,7 +279,10 @@ fn draws(count: usize) -> impl Iterator<Item = Vec<f64>> {
 
 #[cfg(test)]
 mod tests {
+    use statrs::distribution::Continuous;
+
     use super::*;
+    use crate::effects::{Site, by_name};
 
     #[test]
     fn more_is_asked_where_more_is_tried() {
@@ -280,6 +291,22 @@ mod tests {
             assert!((sure_among(BY_CHANCE / p) - deviate).abs() < 1e-4, "{p}");
         }
         assert_eq!(sure_among(0.0), sure_among(1.0));
+    }
+
+    #[test]
+    fn a_large_tilt_needs_more_evidence() {
+        let tilt = |roll: f64, pitch: f64| {
+            let effect = by_name("base_tilt").expect("in the library");
+            surprise(&Term::new(effect, Site::Arm, vec![roll, pitch]))
+        };
+        // The logarithm of the densities of the normal distribution at zero and there.
+        let log_density = |x: f64| Normal::new(0.0, 0.03).expect("a deviation").ln_pdf(x);
+        let expected = 2.0 * log_density(0.0) - log_density(0.05) - log_density(-0.12);
+        assert!((tilt(0.05, -0.12) - expected).abs() < 1e-9);
+        assert_eq!(tilt(0.0, 0.0), 0.0);
+        // Nothing is known of a delay but its range.
+        let delay = by_name("torque_delay").expect("in the library");
+        assert_eq!(surprise(&Term::new(delay, Site::Arm, vec![0.01])), 0.0);
     }
 
     #[test]

@@ -12,9 +12,13 @@ use crate::spatial::Matrix3;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct BaseTilt;
 
+/// How level a base is set up before any data, rad: with a spirit level or by eye, within a degree
+/// or two.
+const LEVEL: f64 = 0.03;
+
 const CONSTANTS: [Constant; 2] = [
-    Constant::neutral_at_zero("roll", ["rad", "rad"], [-0.35, 0.35], 1e-4),
-    Constant::neutral_at_zero("pitch", ["rad", "rad"], [-0.35, 0.35], 1e-4),
+    Constant::neutral_at_zero("roll", ["rad", "rad"], [-0.35, 0.35], 1e-4).expected_within(LEVEL),
+    Constant::neutral_at_zero("pitch", ["rad", "rad"], [-0.35, 0.35], 1e-4).expected_within(LEVEL),
 ];
 
 impl Effect for BaseTilt {

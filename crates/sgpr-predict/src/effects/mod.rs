@@ -540,6 +540,9 @@ pub struct Constant {
     pub scale: Scale,
     /// Values from which a search starts.
     pub grid: &'static [f64],
+    /// Standard deviation about zero before any data, in its unit; infinite where nothing is known
+    /// but the range.
+    pub expected: f64,
 }
 
 /// What a constant measures.
@@ -585,6 +588,7 @@ impl Constant {
             high: bounds[1],
             scale: Scale::Logarithmic,
             grid,
+            expected: f64::INFINITY,
         }
     }
 
@@ -597,7 +601,16 @@ impl Constant {
         grid: &'static [f64],
     ) -> Self {
         let [unit, sliding_unit] = units;
-        Self { symbol, unit, sliding_unit, low: bounds[0], high: bounds[1], scale, grid }
+        Self {
+            symbol,
+            unit,
+            sliding_unit,
+            low: bounds[0],
+            high: bounds[1],
+            scale,
+            grid,
+            expected: f64::INFINITY,
+        }
     }
 
     /// Constant of a transform: neutral at zero, `step` is small against what can be noticed.
@@ -616,7 +629,14 @@ impl Constant {
             high: bounds[1],
             scale: Scale::Neutral { step },
             grid: &[0.0],
+            expected: f64::INFINITY,
         }
+    }
+
+    /// The same with a standard deviation about zero before any data: larger values need more
+    /// evidence.
+    pub const fn expected_within(self, deviation: f64) -> Self {
+        Self { expected: deviation, ..self }
     }
 
     /// Unit at a joint of this kind.

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use rayon::prelude::*;
 
 use super::super::by_log::ByLog;
-use super::super::evidence::{Comparison, LeftOut};
+use super::super::evidence::{Comparison, LeftOut, surprise};
 use super::super::fit::{Fitted, beyond, by_log};
 use super::super::left_out::{Extra, FoldFits};
 use super::super::problem::{Column, Problem};
@@ -187,11 +187,15 @@ impl Search<'_> {
         without.left_out.against(&with.left_out, &self.problem, &self.joints_of(term))
     }
 
-    /// Whether left-out blocks are surely predicted better with a term. What refines a given effect
+    /// Whether left-out blocks are surely predicted better with a term, and speak for it more than
+    /// what is known of its constants before any data speaks against it. What refines a given effect
     /// need not be sure, and rows at a limit of the torque are no equations.
     pub(super) fn is_sure(&self, without: &HeldOut, with: &HeldOut, term: &Term) -> bool {
         let asked = !is_limit(term) && term.effect.refines().is_none();
-        !asked || self.comparison(without, with, term).significance() >= self.sure
+        let is_likely = |gain: Comparison| {
+            gain.significance() >= self.sure && gain.largest_log_bayes_factor() >= surprise(term)
+        };
+        !asked || is_likely(self.comparison(without, with, term))
     }
 
     /// Whether a torque makes the errors of the joints on which it acts larger: what lowers them in
