@@ -477,19 +477,28 @@ impl Problem {
         self.inertias_known && self.base.independent().get(column).is_some_and(effect)
     }
 
+    /// Errors against the torque as logged while a joint moves, per log; of every joint one after
+    /// the other.
+    pub fn logged_rows(&self, model: &TorqueModel) -> Vec<Vec<Option<f64>>> {
+        let of_log = |motion: &Arc<Motion>| {
+            let measured = motion.tau.as_deref().unwrap_or_default();
+            let predicted = model.predict_motion(motion);
+            let rows = predicted.iter().zip(measured).zip(&motion.use_as);
+            rows.map(|((predicted, measured), used)| {
+                (*used == Row::Moving).then(|| measured - predicted)
+            })
+            .collect()
+        };
+        self.logged.par_iter().map(of_log).collect()
+    }
+
     /// Errors per joint against the torque as logged, while the joint moves.
     pub fn logged_errors(&self, model: &TorqueModel) -> Vec<ByLog> {
         let n = self.dof();
         let mut sums: Vec<LogSums> = (0..n).map(|_| LogSums::new(self.stretches.len())).collect();
-        let predicted: Vec<Vec<f64>> =
-            self.logged.par_iter().map(|motion| model.predict_motion(motion)).collect();
-        for (index, (motion, predicted)) in self.logged.iter().zip(predicted).enumerate() {
-            let measured = motion.tau.as_deref().unwrap_or_default();
-            let rows = predicted.iter().zip(measured).zip(&motion.use_as).enumerate();
-            for (k, ((predicted, measured), _)) in
-                rows.filter(|(_, (_, used))| **used == Row::Moving)
-            {
-                sums[k % n].add(index, (measured - predicted).powi(2));
+        for (index, rows) in self.logged_rows(model).iter().enumerate() {
+            for (k, error) in rows.iter().enumerate().filter_map(|(k, row)| Some((k, (*row)?))) {
+                sums[k % n].add(index, error * error);
             }
         }
         sums.iter().map(LogSums::roots).collect()

@@ -6,16 +6,19 @@
 //! the band of the equations, and what parameters that the logs do not determine make of positions
 //! that they do not show.
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 
 use super::by_log::ByLog;
 use super::decision::Decision;
 use super::elsewhere::Elsewhere;
-use super::evidence::LeftOut;
+use super::evidence::{LeftOut, deviate_of_mean};
 use super::fit::{Fitted, beyond, left_out_parts};
 use super::problem::{FOLDS, Problem};
 use super::search::{Search, without};
 use crate::effects::Site;
+use crate::linalg::mean_square;
 use crate::model::{Given, IdentifyError, Term, TorqueModel, identify_again};
 use crate::recording::Recording;
 
@@ -49,8 +52,7 @@ pub(super) fn written(
     let trial = |fitted: &Fitted| -> Result<(TorqueModel, Risk), IdentifyError> {
         let model = identified_again(search, given, fitted.terms().to_vec(), train)?;
         let parts = left_out_parts(problem, fitted, &search.noise, FOLDS);
-        let risk =
-            Risk { parts, beyond: beyond(problem, fitted), elsewhere: elsewhere.variance(&model) };
+        let risk = Risk::new(problem, fitted, parts, elsewhere.variance(&model));
         Ok((model, risk))
     };
     let found: Vec<usize> = outcome.news(search).map(|(k, _)| k).collect();
@@ -117,12 +119,37 @@ pub(super) fn identified_again(
 
 /// What a model may err by on other motion.
 struct Risk {
+    /// Errors in the band on parts that were left out.
     parts: LeftOut,
+    /// Errors beyond the band.
     beyond: Vec<ByLog>,
+    /// Squares of what the torque as logged has beyond the band, per joint and block of time: they
+    /// tell what is chance.
+    beyond_by_block: Vec<Vec<f64>>,
+    /// Per joint: variance that comes to them at positions which the logs do not show.
     elsewhere: Vec<f64>,
 }
 
 impl Risk {
+    fn new(problem: &Problem, fitted: &Fitted, parts: LeftOut, elsewhere: Vec<f64>) -> Self {
+        let n = problem.dof();
+        let logged = problem.logged_rows(&fitted.model);
+        let of_block = |joint: usize, block: Range<usize>| {
+            let rows = &problem.rows[joint][block.clone()];
+            let [(log, first), (_, last)] = [rows[0], rows[rows.len() - 1]];
+            let of_sample = |sample: usize| *logged[log].get(sample * n + joint)?;
+            let as_logged: Vec<f64> = (first..=last).filter_map(of_sample).collect();
+            match as_logged.is_empty() {
+                true => 0.0,
+                false => mean_square(&as_logged) - mean_square(&fitted.residual[joint][block]),
+            }
+        };
+        let of_joint =
+            |joint: usize| problem.blocks(joint).map(|block| of_block(joint, block)).collect();
+        let beyond_by_block = (0..n).map(of_joint).collect();
+        Self { parts, beyond: beyond(problem, fitted), beyond_by_block, elsewhere }
+    }
+
     /// Mean square of a joint, (N·m)² (N²).
     fn of(&self, joint: usize) -> f64 {
         self.parts.mean_square(joint) + self.beyond[joint][0].powi(2) + self.elsewhere[joint]
@@ -138,8 +165,10 @@ impl Risk {
         if !acts {
             return (in_band < -HARMED).then_some(Harm::Seen);
         }
-        // Beyond the band there is no fit, and no chance.
-        let beyond = self.beyond[joint][0] > (1.0 + HARM) * before.beyond[joint][0];
+        let blocks = self.beyond_by_block[joint].iter().zip(&before.beyond_by_block[joint]);
+        let growth: Vec<f64> = blocks.map(|(own, before)| own - before).collect();
+        let beyond = self.beyond[joint][0] > (1.0 + HARM) * before.beyond[joint][0]
+            && deviate_of_mean(&growth) > 1.0;
         let gained = before.parts.mean_square(joint) - self.parts.mean_square(joint);
         let elsewhere = self.elsewhere[joint] - before.elsewhere[joint] > gained.max(0.0);
         match beyond || in_band < -1.0 {
