@@ -156,6 +156,20 @@ def test_what_the_robot_file_holds_it_holds_beside_findings(
     assert after < most * before
 
 
+def test_what_is_added_loosens_nothing_that_the_robot_file_holds() -> None:
+    # How wrong the file is does not hang on the effects of a model: by itself the evidence would take a wider prior.
+    robot, train, _ = robot_and_logs("ur10e")
+    own = example("diagnose_real_robots").short(train[2], 8.0, 2.0)
+    model = sgpr.identify(robot, [own])
+    assert model.fit is not None
+    width = model.fit["prior_standard_deviation"]
+
+    for effect in ("load_dependent_friction@elbow_joint", "presliding_friction@shoulder_pan_joint"):
+        added = model.add(effect, [own])
+        assert added.fit is not None
+        assert 0.0 < added.fit["prior_standard_deviation"] <= width
+
+
 def test_a_finding_that_harms_joints_beside_its_own_is_left_out() -> None:
     # Friction at joint 2 makes that joint look well known, and joints 3 and 6 follow bodies that they share with it.
     robot, train, test = robot_and_logs("baxter")

@@ -23,6 +23,8 @@ pub enum PriorWidth {
     Chosen,
     /// As the data make probable, however rich the logs look.
     InForce,
+    /// The same, but no wider than this relative deviation: what a fit with less freedom took.
+    AtMost(f64),
     /// This relative deviation of the robot file's values.
     Given(f64),
 }
@@ -66,13 +68,18 @@ impl PriorWidth {
     fn of(self, prior: ParameterPrior, whitened: &Matrix) -> ParameterPrior {
         match self {
             Self::Chosen | Self::InForce => prior.chosen_by(whitened),
+            Self::AtMost(widest) => {
+                let chosen = prior.chosen_by(whitened);
+                let deviation = chosen.relative_deviation().min(widest);
+                chosen.with_relative_deviation(deviation)
+            }
             Self::Given(deviation) => prior.with_relative_deviation(deviation),
         }
     }
 
     pub(crate) fn check(self) -> Result<(), IdentificationError> {
         match self {
-            Self::Given(value) => super::check_prior_deviation(value),
+            Self::Given(value) | Self::AtMost(value) => super::check_prior_deviation(value),
             _ => Ok(()),
         }
     }

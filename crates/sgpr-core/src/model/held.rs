@@ -159,7 +159,7 @@ impl Task<'_> {
     ) -> Result<HeldEstimate, IdentificationError> {
         let mut held = self.solve(method, equations, (&prior, width), correlation)?;
         let mut notes = Vec::new();
-        if !matches!(width, PriorWidth::Given(_)) {
+        if matches!(width, PriorWidth::Chosen | PriorWidth::InForce) {
             let flat = prior.with_relative_deviation(FLAT).with_effect_scale(FLAT_EFFECTS);
             let saved = self.left_out(&held).judge(&flat, &held.prior);
             let saves_little = saved.gain - saved.standard_error < LEAST_GAIN || saved.parts < 2;

@@ -157,6 +157,13 @@ fn a_handful_of_rows_stays_near_the_file_and_does_better_than_it() {
         .expect_err("no width")
         .to_string();
     assert!(wrong.contains("between 1e-9 and 1e9"), "{wrong}");
+    let width = |asked| {
+        let held = fit.solve_with_prior(&factors, &prior, asked).expect("a prior");
+        held.prior.relative_deviation()
+    };
+    let chosen = width(PriorWidth::Chosen);
+    assert_eq!(width(PriorWidth::AtMost(0.5 * chosen)), 0.5 * chosen);
+    assert_eq!(width(PriorWidth::AtMost(2.0 * chosen)), chosen);
 }
 
 /// Of few rows a fit leaves less than their noise, and of rows that it does not know more: the

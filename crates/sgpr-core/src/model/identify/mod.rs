@@ -184,8 +184,8 @@ fn set_of(recordings: &[Recording], options: &IdentifyOptions) -> Option<LogSet>
 }
 
 /// `model` with these terms, everything fitted again under physical consistency. What the robot
-/// file holds in `model` it holds again, as wide as was asked for: logs determine no more of a
-/// model with more parameters.
+/// file holds in `model` it holds again, no wider than there: logs determine no more of a model with
+/// more parameters, and how wrong the file is does not hang on them.
 ///
 /// # Errors
 /// As [`identify`].
@@ -198,11 +198,12 @@ pub(crate) fn identify_again(
     let recordings = select_joints(&model.robot, recordings)?;
     let processing = given_or_chosen(model.processing.as_ref(), &recordings)?;
     let fit = model.fit.as_ref();
-    let held = fit.is_some_and(|fit| fit.prior_standard_deviation.is_some());
+    let held = fit.and_then(|fit| fit.prior_standard_deviation);
     let asked = fit.map_or(Some(PriorWidth::Chosen), |fit| fit.prior);
     let options = IdentifyOptions {
-        prior: asked.map(|width| {
-            if held && width == PriorWidth::Chosen { PriorWidth::InForce } else { width }
+        prior: asked.map(|width| match (width, held) {
+            (PriorWidth::Given(_), _) | (_, None) => width,
+            (_, Some(held)) => PriorWidth::AtMost(held),
         }),
         effects: model.set.effects().iter().map(|effect| effect.name().into()).collect(),
         consistency: consistency.cloned(),
