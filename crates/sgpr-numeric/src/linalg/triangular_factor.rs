@@ -165,8 +165,12 @@ impl BlockStage {
     /// The rows of an upper triangular factor, as they are and as P.
     fn of_factor(factor: &Mat<f64>) -> Self {
         let k = factor.ncols();
-        let length = |j: usize| factor.col(j).norm_l2();
-        if (0..k).all(|j| factor[(j, j)] > SHIFT * length(j)) {
+        // What filters leave of something far away is no column that others can be measured by.
+        let length = |j: usize| {
+            let length = factor.col(j).norm_l2();
+            if length * length > EMPTY { length } else { 0.0 }
+        };
+        if (0..k).all(|j| length(j) > 0.0 && factor[(j, j)] > SHIFT * length(j)) {
             let mut stage = Self::with_factor(factor.clone());
             stage.gram = Mat::identity(k, k);
             return stage;
@@ -408,6 +412,27 @@ mod tests {
         let expected = triangle(Mat::from_fn(1500, 5, |i, j| rows[i][j]).as_ref());
         let error = relative_error(&factor.factor(), &expected);
         assert!(error < 1e-10, "{error:e}");
+    }
+
+    #[test]
+    fn what_filters_leave_of_a_column_before_it_begins_does_no_harm() {
+        for tiny in [1e-150, 1e-200, 1e-300, 1e-308, 1e-310] {
+            let tail = |row: Vec<f64>| {
+                let by_column = row.iter().enumerate();
+                by_column.map(|(j, x)| if [1, 4].contains(&j) { tiny * x } else { *x }).collect()
+            };
+            let slow = |i: usize| tail(row(0).iter().map(|x| x + 1e-9 * i as f64).collect());
+            let rows: Vec<Vec<f64>> = (0..600)
+                .map(slow)
+                .chain((0..600).map(|i| tail(row(i))))
+                .chain((0..900).map(row))
+                .collect();
+            let mut factor = TriangularFactor::new(5);
+            rows.iter().for_each(|row| factor.push(row));
+            let expected = triangle(Mat::from_fn(rows.len(), 5, |i, j| rows[i][j]).as_ref());
+            let error = relative_error(&factor.factor(), &expected);
+            assert!(error < 1e-10, "{tiny:e}: {error:e}");
+        }
     }
 
     #[test]
