@@ -1,12 +1,12 @@
 """Ask of five real robots which effect their model lacks, and watch the error on logs that no fit saw.
 
     python examples/diagnose_real_robots.py
-    python examples/diagnose_real_robots.py --seconds 8 16
+    python examples/diagnose_real_robots.py --parts 12
     python examples/diagnose_real_robots.py --alike
 
 The logs are those of `real_robots.py`; SGPR_DATA names their folder. On the UR10e a second session has logs without
-and one with a payload of 2.805 kg one after the other. With `--seconds` the first and the last seconds of each training
-log are diagnosed alone. With `--alike` the Panda is identified with either of two effects that look alike.
+and one with a payload of 2.805 kg one after the other. With `--parts` so many parts of each robot's logs, drawn at
+random, are diagnosed alone. With `--alike` the Panda is identified with either of two effects that look alike.
 """
 
 import argparse
@@ -20,6 +20,10 @@ from real_robots import DATASETS, EFFECTS, Dataset, Log, data_folder, find_datas
 
 PAUSE_S = 5.0
 NO_WORSE = 1.02
+BETTER = 0.9
+# Length of parts.
+SHORTEST_S, LONGEST_S = 6.0, 30.0
+SEED = 0
 
 UNLOADED = [
     Log("excitation_30s_12harm.csv", (635, 3510)),
@@ -95,21 +99,20 @@ def ratio_of_short(
     return after / before
 
 
-def short_row(name: str, robot: sgpr.Robot, logs: list[list[sgpr.Recording]], seconds: float) -> str:
-    """One line of the table of short logs: those to train, those to test."""
-    train, test = logs
-    lengths = [float(log.time_ns[-1] - log.time_ns[0]) * 1e-9 for log in train]
-    # Of each log its beginning, and its end if that is something else.
-    starts = [[0.0, length - seconds][: int(length // seconds)] for length in lengths]
-    ratios = [
-        ratio_of_short(robot, log, test, seconds, start)
-        for log, own in zip(train, starts, strict=True)
-        for start in own
-    ]
-    if not ratios:
-        return f"| {name} | {seconds:.0f} | 0 | | | |"
-    mean, worse = float(np.exp(np.mean(np.log(ratios)))), sum(ratio > NO_WORSE for ratio in ratios)
-    return f"| {name} | {seconds:.0f} | {len(ratios)} | {mean:.2f} | {max(ratios):.2f} | {worse} |"
+def row_of_parts(name: str, robot: sgpr.Robot, logs: list[sgpr.Recording], count: int) -> str:
+    """One line of the table of parts, each of a log drawn at random and judged on all other logs."""
+    random = np.random.default_rng(SEED)
+    ratios = []
+    for _ in range(count):
+        index = int(random.integers(len(logs)))
+        length = float(logs[index].time_ns[-1] - logs[index].time_ns[0]) * 1e-9
+        seconds = random.uniform(SHORTEST_S, max(SHORTEST_S, min(length, LONGEST_S)))
+        start = random.uniform(0.0, max(length - seconds, 0.0))
+        others = logs[:index] + logs[index + 1 :]
+        ratios.append(ratio_of_short(robot, logs[index], others, seconds, start))
+    mean = float(np.exp(np.mean(np.log(ratios))))
+    worse, better = sum(ratio > NO_WORSE for ratio in ratios), sum(ratio < BETTER for ratio in ratios)
+    return f"| {name} | {count} | {mean:.2f} | {max(ratios):.2f} | {worse} | {better} |"
 
 
 def alike() -> None:
@@ -126,7 +129,7 @@ def main() -> int:
     """Diagnose every robot whose logs are there."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--data", type=Path, help="folder of the logs (default: what SGPR_DATA names)")
-    parser.add_argument("--seconds", type=float, nargs="+", default=[], help="length of both ends of each log")
+    parser.add_argument("--parts", type=int, default=0, help="number of parts of each robot's logs")
     parser.add_argument("--alike", action="store_true", help="the Panda with either of two effects")
     options = parser.parse_args()
     if options.alike:
@@ -137,13 +140,12 @@ def main() -> int:
     if not found:
         print("no logs found: set SGPR_DATA to the folder that holds them (see docs/real-data.md)", file=sys.stderr)
         return 1
-    if options.seconds:
-        print("| robot | training, s | parts | unseen error, after over before | worst | above 1.02 |")
+    if options.parts > 0:
+        print("| robot | parts | unseen error, after over before | worst | above 1.02 | below 0.9 |")
         print("|---|---|---|---|---|---|")
         for dataset in found:
             robot, train, test = robot_and_logs(data / dataset.folder, dataset)
-            for seconds in options.seconds:
-                print(short_row(dataset.folder, robot, [train, test], seconds), flush=True)
+            print(row_of_parts(dataset.folder, robot, [*train, *test], options.parts), flush=True)
         return 0
     print("| robot | findings | unseen before, % | after, % | samples | s |\n|---|---|---|---|---|---|")
     for dataset in found:
