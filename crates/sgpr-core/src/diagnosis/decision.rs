@@ -148,7 +148,7 @@ struct Beside {
 impl Beside {
     fn of(search: &Search<'_>, fitted: &Fitted) -> Self {
         let (problem, noise) = (&search.problem, &search.noise);
-        let errors = search.errors(fitted).left_out;
+        let errors = search.left_out(fitted);
         let joints = (0..problem.dof()).into_par_iter();
         let processes: Vec<Processes> =
             joints.map(|joint| Processes::new(problem, fitted, noise, joint)).collect();
@@ -285,7 +285,7 @@ fn rejected(search: &Search<'_>, outcome: &Outcome, beside: &Beside) -> Vec<(Str
     let likeliest: Vec<&Term> = possible.take(LIKELIEST).map(|c| &c.term).collect();
     let probability = |term: &&Term| {
         let fitted = search.with_term(&outcome.fitted, (*term).clone());
-        let (with, joints) = (search.errors(&fitted).left_out, search.joints_of(term));
+        let (with, joints) = (search.left_out(&fitted), search.joints_of(term));
         let before = -search.units.ln() - fitted.terms().last().map_or(0.0, surprise);
         let there = weights(problem, &[own, &with], &[0.0, before], &joints)[1];
         let matters =
@@ -348,7 +348,7 @@ fn judge_one(
     let rivals: Vec<&Term> = rivals.take(RIVALS).map(|(rival, _)| rival).collect();
     let (mut models, mut surprises) = (Vec::new(), Vec::new());
     let mut weigh = |fit: &Fitted| {
-        models.push(search.errors(fit).left_out);
+        models.push(search.left_out(fit));
         surprises.push(fit.terms().iter().map(surprise).sum::<f64>());
     };
     weigh(&bare);

@@ -535,10 +535,19 @@ fn interval(
 
 /// Errors per joint beyond the band of the equations, where nothing is fitted.
 pub(super) fn beyond(problem: &Problem, fitted: &Fitted) -> Vec<ByLog> {
+    beyond_of(problem, fitted, &problem.logged_rows(&fitted.model))
+}
+
+/// The same with the errors of the fit against the torque as logged.
+pub(super) fn beyond_of(
+    problem: &Problem,
+    fitted: &Fitted,
+    logged: &[Vec<Option<f64>>],
+) -> Vec<ByLog> {
     let in_band = by_log(problem, &fitted.residual);
     let rest = |(logged, own): (&f64, &f64)| (logged * logged - own * own).max(0.0).sqrt();
-    let logged = problem.logged_errors(&fitted.model);
-    logged
+    problem
+        .errors_of(logged)
         .iter()
         .zip(&in_band)
         .map(|(logged, own)| logged.iter().zip(own).map(rest).collect())

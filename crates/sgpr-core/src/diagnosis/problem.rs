@@ -492,11 +492,11 @@ impl Problem {
         self.logged.par_iter().map(of_log).collect()
     }
 
-    /// Errors per joint against the torque as logged, while the joint moves.
-    pub fn logged_errors(&self, model: &TorqueModel) -> Vec<ByLog> {
+    /// Errors per joint of such rows.
+    pub fn errors_of(&self, rows: &[Vec<Option<f64>>]) -> Vec<ByLog> {
         let n = self.dof();
         let mut sums: Vec<LogSums> = (0..n).map(|_| LogSums::new(self.stretches.len())).collect();
-        for (index, rows) in self.logged_rows(model).iter().enumerate() {
+        for (index, rows) in rows.iter().enumerate() {
             for (k, error) in rows.iter().enumerate().filter_map(|(k, row)| Some((k, (*row)?))) {
                 sums[k % n].add(index, error * error);
             }
@@ -504,9 +504,9 @@ impl Problem {
         sums.iter().map(LogSums::roots).collect()
     }
 
-    /// The same of all logs together, N·m (N).
+    /// Errors against the torque as logged, per joint, of all logs together, N·m (N).
     pub fn logged_error(&self, model: &TorqueModel) -> Vec<f64> {
-        self.logged_errors(model).iter().map(|error| error[0]).collect()
+        self.errors_of(&self.logged_rows(model)).iter().map(|error| error[0]).collect()
     }
 
     /// Per stretch: the rigid body as `model` has it.

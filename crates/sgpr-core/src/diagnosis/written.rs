@@ -14,7 +14,7 @@ use super::by_log::ByLog;
 use super::decision::Decision;
 use super::elsewhere::Elsewhere;
 use super::evidence::{LeftOut, deviate_of_mean};
-use super::fit::{Fitted, beyond, left_out_parts};
+use super::fit::{Fitted, beyond_of, left_out_parts};
 use super::problem::{FOLDS, Problem};
 use super::search::{Search, without};
 use crate::effects::Site;
@@ -147,7 +147,7 @@ impl Risk {
         let of_joint =
             |joint: usize| problem.blocks(joint).map(|block| of_block(joint, block)).collect();
         let beyond_by_block = (0..n).map(of_joint).collect();
-        Self { parts, beyond: beyond(problem, fitted), beyond_by_block, elsewhere }
+        Self { parts, beyond: beyond_of(problem, fitted, &logged), beyond_by_block, elsewhere }
     }
 
     /// Mean square of a joint, (N·m)² (N²).

@@ -579,17 +579,7 @@ impl Constant {
         bounds: [f64; 2],
         grid: &'static [f64],
     ) -> Self {
-        let [unit, sliding_unit] = units;
-        Self {
-            symbol,
-            unit,
-            sliding_unit,
-            low: bounds[0],
-            high: bounds[1],
-            scale: Scale::Logarithmic,
-            grid,
-            expected: f64::INFINITY,
-        }
+        Self::new(symbol, units, bounds, Scale::Logarithmic, grid)
     }
 
     /// A constant on a scale of its own.
@@ -620,17 +610,7 @@ impl Constant {
         bounds: [f64; 2],
         step: f64,
     ) -> Self {
-        let [unit, sliding_unit] = units;
-        Self {
-            symbol,
-            unit,
-            sliding_unit,
-            low: bounds[0],
-            high: bounds[1],
-            scale: Scale::Neutral { step },
-            grid: &[0.0],
-            expected: f64::INFINITY,
-        }
+        Self::new(symbol, units, bounds, Scale::Neutral { step }, &[0.0])
     }
 
     /// The same with a standard deviation about zero before any data: larger values need more

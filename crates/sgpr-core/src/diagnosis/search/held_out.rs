@@ -140,8 +140,12 @@ impl Search<'_> {
     }
 
     pub(in super::super) fn errors(&self, fitted: &Fitted) -> HeldOut {
-        let left_out = fitted.folds(&self.problem, &self.noise).errors();
-        HeldOut::new(&self.problem, left_out, beyond(&self.problem, fitted))
+        HeldOut::new(&self.problem, self.left_out(fitted), beyond(&self.problem, fitted))
+    }
+
+    /// Those in the band alone.
+    pub(in super::super) fn left_out(&self, fitted: &Fitted) -> LeftOut {
+        fitted.folds(&self.problem, &self.noise).errors()
     }
 
     /// What the best candidates do to the errors on blocks that were left out: all parameters are
