@@ -172,7 +172,8 @@ impl ParquetTable {
             .iter()
             .fold(0_u64, |sum, group| sum.saturating_add(numbers(group.total_byte_size())));
         let too_large = || RecordingError::TooLarge { path: path.clone(), limit };
-        if of_rows.max(unpacked).max(8 * self.listed()?) > limit {
+        let of_lists = self.listed()?.saturating_mul(8);
+        if of_rows.max(unpacked).max(of_lists) > limit {
             return Err(too_large());
         }
         let mut whole: Vec<ParquetColumn> = Vec::new();
