@@ -173,7 +173,8 @@ def test_mechanics_that_scale_with_time_have_the_same_errors(
             [sgpr.Recording(slower * log.t, log.q, tau=log.tau) for log in logs]
             for logs in (demo_logs[:1], [demo_test])
         )
-        model = sgpr.identify(arm, train, cutoff_hz=27.0 / slower, standstill_speed=1e-3 / slower)
+        # The prior knows of speeds that the arm is made for, which do not scale here.
+        model = sgpr.identify(arm, train, cutoff_hz=27.0 / slower, standstill_speed=1e-3 / slower, prior=None)
         errors.append(sgpr.compare(model, test).relative_error_percent)
     np.testing.assert_allclose(errors[1], errors[0], rtol=1e-9)
 
@@ -344,11 +345,12 @@ def test_python_goes_on_while_a_model_is_identified(demo_robot: sgpr.Robot, demo
 
 
 def test_the_prior_can_be_left_out(demo_robot: sgpr.Robot, demo_logs: list[sgpr.Recording]) -> None:
-    # Rich logs need none.
+    # Rich logs outweigh it.
     held, bare = sgpr.identify(demo_robot, demo_logs), sgpr.identify(demo_robot, demo_logs, prior=None)
-    np.testing.assert_allclose(held.parameters.values, bare.parameters.values, rtol=1e-9, atol=1e-12)
-    assert "held by the robot file" not in held.history[0]
-    # The first five seconds of one do: the parameters stay nearer to the file.
+    moved = np.abs(held.parameters.values - bare.parameters.values) / bare.parameters.standard_deviations
+    assert 0.0 < moved.max() < 0.5, moved.max()
+    assert held.fit is not None and held.fit["dispersion"] == 1.0
+    # The first five seconds of one do not: the parameters stay nearer to the file.
     log = demo_logs[0]
     count = int(((log.time_ns - log.time_ns[0]) * 1e-9 <= 5.0).sum())
     short = [sgpr.Recording(log.time_ns[:count], log.q[:count], None, log.tau[:count], joint_names=log.joint_names)]

@@ -18,7 +18,7 @@ use crate::linalg::Matrix;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum PriorWidth {
-    /// As the data make probable ([`ParameterPrior::chosen_by`]). Rich logs may do without.
+    /// As the data make probable ([`ParameterPrior::chosen_by`]); weak for rich logs.
     #[default]
     Chosen,
     /// As the data make probable, however rich the logs look.
@@ -74,6 +74,14 @@ impl PriorWidth {
                 chosen.with_relative_deviation(deviation)
             }
             Self::Given(deviation) => prior.with_relative_deviation(deviation),
+        }
+    }
+
+    /// The widest that may come out, relative to the robot file's values.
+    pub(crate) fn widest(self) -> f64 {
+        match self {
+            Self::Chosen | Self::InForce => f64::INFINITY,
+            Self::AtMost(widest) | Self::Given(widest) => widest,
         }
     }
 

@@ -139,6 +139,14 @@ impl ParameterPrior {
         self
     }
 
+    /// The same for rich logs, with one width for bodies and effects: rotors may come out negative,
+    /// as without a prior. Friction may not.
+    #[must_use]
+    pub(crate) fn of_rich_logs(mut self, width: f64) -> Self {
+        self.non_negative.clone_from(&self.friction);
+        self.with_relative_deviation(width).with_effect_scale(width)
+    }
+
     /// The same for the error of a model, in which friction may be less than in the model.
     #[must_use]
     pub fn of_an_error(mut self) -> Self {

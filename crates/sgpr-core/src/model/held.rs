@@ -34,8 +34,10 @@ pub(super) struct Task<'a> {
 /// An estimate, and what the user should know of it.
 pub(super) struct HeldEstimate {
     pub estimate: Estimate,
-    /// None if the logs are rich: the estimate is bare.
+    /// None if the estimate is bare.
     pub held: Option<Held>,
+    /// Base parameters that a prior holds since the logs know little of them.
+    pub undecided: Vec<usize>,
     /// How wide intervals have to be ([`LeftOut::dispersion`]); that of noise for a bare estimate.
     pub dispersion: Dispersion,
     pub notes: Vec<String>,
@@ -56,6 +58,9 @@ const FLAT: f64 = 30.0;
 
 /// Relative deviation of bodies that are held although the file is wrong.
 const WIDE: f64 = 10.0;
+
+/// A prior of rich logs is at least so wide.
+const WEAK: f64 = 3.0;
 
 /// Torque of friction, offsets and gains under a prior that says next to nothing of them, in what
 /// the file leaves of a joint's.
@@ -142,11 +147,12 @@ impl Task<'_> {
 
     /// The estimate, and, with `keeping`, the robot file for joints that it predicts better.
     ///
-    /// It is bare if the logs know the torque of other motions better than the robot file does
+    /// The logs are rich if they know the torque of other motions better than the robot file does
     /// ([`Self::knows_more_than_file`]), of faster ones at the median joint ([`Self::doubt`]), and
     /// if the prior that makes them most probable does not save [`LEAST_GAIN`] for certain, by one
-    /// standard error, on parts that were left out: it takes what the model lacks for noise. Nor is
-    /// it bare if the doubt of one joint stands out. A wide prior takes the place of the most
+    /// standard error, on parts that were left out: it takes what the model lacks for noise. Nor are
+    /// they if the doubt of one joint stands out. What holds rich logs is weak
+    /// ([`Self::of_rich_logs`]). Else a wide prior takes the place of the most
     /// probable one where that costs errors for certain. Parts of slow logs are slow: a prior that
     /// leaves faster motions in more doubt than the file is too wide for them.
     pub fn estimate(
@@ -159,14 +165,15 @@ impl Task<'_> {
     ) -> Result<HeldEstimate, IdentificationError> {
         let mut held = self.solve(method, equations, (&prior, width), correlation)?;
         let mut notes = Vec::new();
-        if matches!(width, PriorWidth::Chosen | PriorWidth::InForce) {
-            let flat = prior.with_relative_deviation(FLAT).with_effect_scale(FLAT_EFFECTS);
+        let widest = width.widest();
+        if !matches!(width, PriorWidth::Given(_)) && widest >= WEAK {
+            let flat = prior.clone().with_relative_deviation(FLAT).with_effect_scale(FLAT_EFFECTS);
             let saved = self.left_out(&held).judge(&flat, &held.prior);
             let saves_little = saved.gain - saved.standard_error < LEAST_GAIN || saved.parts < 2;
             let wider = faer::Scale(self.dispersion(&held).as_seen.powi(2));
-            let may_be_bare = saves_little && width == PriorWidth::Chosen;
+            let may_be_rich = saves_little && width != PriorWidth::InForce;
             let bare =
-                if may_be_bare { self.bare(method, equations, &flat, correlation)? } else { None };
+                if may_be_rich { self.bare(method, equations, &flat, correlation)? } else { None };
             let bare =
                 bare.filter(|bare| self.knows_more_than_file(&(wider * &*bare.covariance), &flat));
             let doubt_at =
@@ -182,19 +189,18 @@ impl Task<'_> {
                     || doubt_of_bare.median <= FAR * doubt(&held.estimate).median
             };
             if let Some(bare) = bare.filter(|_| clear()) {
-                let (bare, refused) = without_negative(bare, flat.friction());
-                notes.extend(self.refused_note(&refused));
-                return Ok(HeldEstimate {
-                    estimate: bare,
-                    held: None,
-                    dispersion: Dispersion::NONE,
-                    notes,
-                });
+                return self.of_rich_logs(
+                    method,
+                    equations,
+                    (&prior, &flat),
+                    correlation,
+                    (bare, &held, widest),
+                );
             }
             if saves_little && saved.is_worse() {
-                let wide = flat.with_relative_deviation(WIDE).with_effect_scale(1.0);
-                let wide =
-                    self.solve(method, equations, (&wide, PriorWidth::Given(WIDE)), correlation)?;
+                let wide = flat.with_effect_scale(1.0);
+                let width = PriorWidth::Given(WIDE.min(widest));
+                let wide = self.solve(method, equations, (&wide, width), correlation)?;
                 held = self.with_less_doubt(method, equations, wide, correlation)?;
             }
         }
@@ -218,8 +224,13 @@ impl Task<'_> {
         }
         notes.extend(self.refused_note(&held.refused));
         notes.extend(self.held_note(&held));
-        let dispersion = self.dispersion(&held);
-        Ok(HeldEstimate { estimate: held.estimate.clone(), held: Some(held), dispersion, notes })
+        Ok(HeldEstimate {
+            estimate: held.estimate.clone(),
+            undecided: held.prior.undecided(&held.data),
+            dispersion: self.dispersion(&held),
+            held: Some(held),
+            notes,
+        })
     }
 
     /// The estimate without prior; none if there are fewer rows than parameters.
@@ -230,18 +241,55 @@ impl Task<'_> {
         prior: &ParameterPrior,
         correlation: &[f64],
     ) -> Result<Option<Estimate>, IdentificationError> {
-        let factors =
-            self.factors.iter().map(|factor| JointFactor { least_noise: 0.0, ..factor.clone() });
-        match estimate(
-            method,
-            equations,
-            &factors.collect::<Vec<_>>(),
-            prior.mean(),
-            Some(correlation),
-        ) {
+        let factors = self.factors_of_many_rows();
+        match estimate(method, equations, &factors, prior.mean(), Some(correlation)) {
             Err(IdentificationError::TooFewRows { .. }) => Ok(None),
             found => found.map(Some),
         }
+    }
+
+    /// The estimate of rich logs: under the weak prior with which parts that were left out are
+    /// predicted best, bare if it may be and none saves anything.
+    fn of_rich_logs(
+        &self,
+        method: &Method,
+        equations: &mut Equations<'_>,
+        (prior, flat): (&ParameterPrior, &ParameterPrior),
+        correlation: &[f64],
+        (bare, held, widest): (Estimate, &Held, f64),
+    ) -> Result<HeldEstimate, IdentificationError> {
+        let parts = self.left_out(held);
+        let saved = |width: &f64| parts.judge(flat, &prior.clone().of_rich_logs(*width)).gain;
+        let widths = WIDTHS.into_iter().filter(|width| (WEAK..=widest).contains(width));
+        let of_width = widths.map(|width| (width, saved(&width)));
+        let best = of_width.max_by(|a, b| a.1.total_cmp(&b.1));
+        let (estimate, refused, held) =
+            match best.filter(|(_, saved)| *saved > 0.0 || widest.is_finite()) {
+                Some((width, _)) => {
+                    let factors = self.factors_of_many_rows();
+                    let weak = (&prior.clone().of_rich_logs(width), PriorWidth::Given(width));
+                    let weak = Task { factors: &factors, ..*self }.solve(
+                        method,
+                        equations,
+                        weak,
+                        correlation,
+                    )?;
+                    (weak.estimate.clone(), weak.refused.clone(), Some(weak))
+                }
+                None => {
+                    let (bare, refused) = without_negative(bare, flat.friction());
+                    (bare, refused, None)
+                }
+            };
+        let notes = self.refused_note(&refused).into_iter().collect();
+        let undecided = vec![];
+        Ok(HeldEstimate { estimate, held, undecided, dispersion: Dispersion::NONE, notes })
+    }
+
+    /// The factors, with the noise that an estimate leaves ([`Self::noise`]).
+    fn factors_of_many_rows(&self) -> Vec<JointFactor> {
+        let plain = |factor: &JointFactor| JointFactor { least_noise: 0.0, ..factor.clone() };
+        self.factors.iter().map(plain).collect()
     }
 
     /// Whether an estimate of this covariance predicts the torque of every joint with a standard

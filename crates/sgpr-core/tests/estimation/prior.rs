@@ -11,7 +11,7 @@ use sgpr_core::model::{IdentifyError, IdentifyOptions, TorqueModel, compare, ide
 use sgpr_core::recording::Recording;
 use sgpr_core::robot::{puma560, two_link};
 
-use crate::arm::{Experiment, largest_difference, trajectory};
+use crate::arm::{Experiment, trajectory};
 use crate::noise::Noise;
 
 const EFFECTS: [&str; 4] =
@@ -323,20 +323,22 @@ fn a_log_without_motion_is_refused_and_says_what_to_record() {
 }
 
 #[test]
-fn rich_logs_give_the_bare_estimate_and_short_ones_another() {
+fn rich_logs_outweigh_the_prior_and_short_ones_do_not() {
     let robot = two_link();
     let of = |seconds, prior| {
         let log = [log(seconds, [true; 2], [false; 2], 8)];
         identify(&robot, &log, &options().with_prior(prior), &()).expect("a good log").0
     };
-    let values = |seconds, prior| of(seconds, prior).fit().expect("identified").values.clone();
-    let chosen = Some(PriorWidth::Chosen);
-    // But for the order in which rows are summed.
-    assert!(largest_difference(&values(40, chosen), &values(40, None)) < 1e-9);
-    assert!(
-        largest_difference(&values(2, chosen), &values(2, None)) > 0.0,
-        "the prior is in force"
-    );
+    // In standard deviations of the bare estimate.
+    let moved = |seconds| {
+        let [held, bare] = [Some(PriorWidth::Chosen), None].map(|prior| of(seconds, prior));
+        let [held, bare] = [&held, &bare].map(|model| model.fit().expect("identified"));
+        let pairs = held.values.iter().zip(&bare.values).zip(&bare.standard_deviations);
+        pairs.map(|((held, bare), deviation)| (held - bare).abs() / deviation).fold(0.0, f64::max)
+    };
+    let (rich, short) = (moved(40), moved(2));
+    println!("{rich:.4} and {short:.3} standard deviations");
+    assert!(rich < 0.02 && short > 0.2, "{rich} {short}");
 }
 
 /// A log of a Puma 560 whose bodies are 15 % heavier than the file's, with friction at all joints,
@@ -379,8 +381,8 @@ fn a_joint_that_hardly_moves_is_held_though_the_others_are_rich() {
         let logs = [log_of_six_joints([1.0, 1.0, 1.0, 1.0, share, 1.0], 2)];
         identify(&robot, &logs, &options().with_prior(prior), &()).expect("a usable model").0
     };
-    let is_held =
-        |model: &TorqueModel| model.fit().expect("identified").prior_standard_deviation.is_some();
+    // Standard deviations of rich logs are those of noise.
+    let is_held = |model: &TorqueModel| model.fit().expect("identified").dispersion > 1.0;
     let rich = of(1.0, Some(PriorWidth::Chosen));
     assert!(!is_held(&rich));
     let error = |model: &TorqueModel| {
