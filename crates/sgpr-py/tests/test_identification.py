@@ -344,6 +344,21 @@ def test_python_goes_on_while_a_model_is_identified(demo_robot: sgpr.Robot, demo
     assert steps >= 10
 
 
+def test_slow_pieces_of_a_log_do_not_run_off(
+    demo_robot: sgpr.Robot, demo_logs: list[sgpr.Recording], demo_test: sgpr.Recording
+) -> None:
+    # At a sixth of the speed of the other logs the most probable prior is a wide one, and the model lacks effects.
+    for start, end in ((8.0, 16.0), (8.5, 15.6), (11.4, 17.5)):
+        piece = sgpr.read(demo_logs[2].source, seconds=(start, end))
+        effects = ["viscous_friction", "coulomb_friction", "rotor_inertia"]
+        model = sgpr.identify(demo_robot, [piece], effects=effects)
+        found, file = (
+            sgpr.compare(each, [demo_test], processing=model).relative_error_percent
+            for each in (model, sgpr.Model.nominal(demo_robot))
+        )
+        assert found < 0.3 * file, (start, end, found, file)
+
+
 def test_the_prior_can_be_left_out(demo_robot: sgpr.Robot, demo_logs: list[sgpr.Recording]) -> None:
     # Rich logs outweigh it.
     held, bare = sgpr.identify(demo_robot, demo_logs), sgpr.identify(demo_robot, demo_logs, prior=None)

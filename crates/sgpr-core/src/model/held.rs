@@ -71,8 +71,8 @@ const FLAT_EFFECTS: f64 = 10.0;
 const CLEARLY: f64 = 2.0;
 
 /// An estimate that is at most this many times less sure of faster motions without a prior than
-/// with one that leaves them in no doubt needs none for these; a joint that is more times less sure
-/// than the median one stands out.
+/// with the most probable one, if that leaves them in no doubt, needs none for these; a joint that is
+/// more times less sure than the median one stands out.
 const FAR: f64 = 5.0;
 
 /// How fast joints move in other motions than those of the logs, in both directions.
@@ -152,9 +152,9 @@ impl Task<'_> {
     /// if the prior that makes them most probable does not save [`LEAST_GAIN`] for certain, by one
     /// standard error, on parts that were left out: it takes what the model lacks for noise. Nor are
     /// they if the doubt of one joint stands out. What holds rich logs is weak
-    /// ([`Self::of_rich_logs`]). Else a wide prior takes the place of the most
-    /// probable one where that costs errors for certain. Parts of slow logs are slow: a prior that
-    /// leaves faster motions in more doubt than the file is too wide for them.
+    /// ([`Self::of_rich_logs`]). Else a wide prior takes the place of the most probable one where
+    /// that costs errors for certain. Parts of slow logs are slow: a prior that leaves faster motions
+    /// in more doubt than the file is too wide for them.
     pub fn estimate(
         &self,
         method: &Method,
@@ -180,15 +180,10 @@ impl Task<'_> {
                 |pace, of: &Estimate| self.doubt(&(wider * &*of.covariance), &flat, pace);
             let doubt = |of: &Estimate| doubt_at(Pace::Usual, of);
             let bare = bare.filter(|bare| !doubt_at(Pace::OfFastestJoint, bare).stands_out());
-            let doubt_of_bare = bare.as_ref().map_or(Doubt::ENDLESS, doubt);
-            if doubt_of_bare.median > CLEARLY {
-                held = self.with_less_doubt(method, equations, held, correlation)?;
-            }
-            let clear = || {
-                doubt_of_bare.median <= CLEARLY
-                    || doubt_of_bare.median <= FAR * doubt(&held.estimate).median
-            };
-            if let Some(bare) = bare.filter(|_| clear()) {
+            let probable = doubt(&held.estimate).median;
+            let most = if probable <= CLEARLY { CLEARLY.max(FAR * probable) } else { CLEARLY };
+            let bare = bare.filter(|bare| doubt(bare).median <= most);
+            if let Some(bare) = bare {
                 return self.of_rich_logs(
                     method,
                     equations,
@@ -200,9 +195,9 @@ impl Task<'_> {
             if saves_little && saved.is_worse() {
                 let wide = flat.with_effect_scale(1.0);
                 let width = PriorWidth::Given(WIDE.min(widest));
-                let wide = self.solve(method, equations, (&wide, width), correlation)?;
-                held = self.with_less_doubt(method, equations, wide, correlation)?;
+                held = self.solve(method, equations, (&wide, width), correlation)?;
             }
+            held = self.with_less_doubt(method, equations, held, correlation)?;
         }
         if keeping {
             let judged = self.judge(&held);
