@@ -96,8 +96,8 @@ def same_model(found: sgpr.Model, expected: sgpr.Model) -> None:
     if expected.certificate is None:
         assert np.all(off <= EXACT * np.maximum(np.abs(expected.parameters.values), deviations))
     else:
-        # Where a limit hardly binds the solver makes hundredths of a standard deviation of rounding.
-        assert np.all(off <= 2e-2 * deviations)
+        # The solver ends within its tolerance: the same logs in another order differ by as much.
+        assert np.all(off <= 1e-3 * deviations)
         assert found.certificate["active"] == expected.certificate["active"]
         assert found.certificate["prior_deviation"] == expected.certificate["prior_deviation"]
 

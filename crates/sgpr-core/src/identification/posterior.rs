@@ -77,14 +77,6 @@ impl PriorWidth {
         }
     }
 
-    /// The widest that may come out, relative to the robot file's values.
-    pub(crate) fn widest(self) -> f64 {
-        match self {
-            Self::Chosen | Self::InForce => f64::INFINITY,
-            Self::AtMost(widest) | Self::Given(widest) => widest,
-        }
-    }
-
     pub(crate) fn check(self) -> Result<(), IdentificationError> {
         match self {
             Self::Given(value) | Self::AtMost(value) => super::check_prior_deviation(value),

@@ -34,10 +34,10 @@ pub(super) struct Task<'a> {
 /// An estimate, and what the user should know of it.
 pub(super) struct HeldEstimate {
     pub estimate: Estimate,
-    /// None if the estimate is bare.
+    /// None if the logs are rich.
     pub held: Option<Held>,
-    /// Base parameters that a prior holds since the logs know little of them.
-    pub undecided: Vec<usize>,
+    /// Width of the prior of rich logs; none if their estimate is bare.
+    pub weak: Option<f64>,
     /// How wide intervals have to be ([`LeftOut::dispersion`]); that of noise for a bare estimate.
     pub dispersion: Dispersion,
     pub notes: Vec<String>,
@@ -165,13 +165,12 @@ impl Task<'_> {
     ) -> Result<HeldEstimate, IdentificationError> {
         let mut held = self.solve(method, equations, (&prior, width), correlation)?;
         let mut notes = Vec::new();
-        let widest = width.widest();
-        if !matches!(width, PriorWidth::Given(_)) && widest >= WEAK {
+        if matches!(width, PriorWidth::Chosen | PriorWidth::InForce) {
             let flat = prior.clone().with_relative_deviation(FLAT).with_effect_scale(FLAT_EFFECTS);
             let saved = self.left_out(&held).judge(&flat, &held.prior);
             let saves_little = saved.gain - saved.standard_error < LEAST_GAIN || saved.parts < 2;
             let wider = faer::Scale(self.dispersion(&held).as_seen.powi(2));
-            let may_be_rich = saves_little && width != PriorWidth::InForce;
+            let may_be_rich = saves_little && width == PriorWidth::Chosen;
             let bare =
                 if may_be_rich { self.bare(method, equations, &flat, correlation)? } else { None };
             let bare =
@@ -184,18 +183,13 @@ impl Task<'_> {
             let most = if probable <= CLEARLY { CLEARLY.max(FAR * probable) } else { CLEARLY };
             let bare = bare.filter(|bare| doubt(bare).median <= most);
             if let Some(bare) = bare {
-                return self.of_rich_logs(
-                    method,
-                    equations,
-                    (&prior, &flat),
-                    correlation,
-                    (bare, &held, widest),
-                );
+                let (priors, known) = ((&prior, &flat), (bare, &held));
+                return self.of_rich_logs(method, equations, priors, correlation, known);
             }
             if saves_little && saved.is_worse() {
                 let wide = flat.with_effect_scale(1.0);
-                let width = PriorWidth::Given(WIDE.min(widest));
-                held = self.solve(method, equations, (&wide, width), correlation)?;
+                let wide = (&wide, PriorWidth::Given(WIDE));
+                held = self.solve(method, equations, wide, correlation)?;
             }
             held = self.with_less_doubt(method, equations, held, correlation)?;
         }
@@ -221,9 +215,9 @@ impl Task<'_> {
         notes.extend(self.held_note(&held));
         Ok(HeldEstimate {
             estimate: held.estimate.clone(),
-            undecided: held.prior.undecided(&held.data),
             dispersion: self.dispersion(&held),
             held: Some(held),
+            weak: None,
             notes,
         })
     }
@@ -243,42 +237,32 @@ impl Task<'_> {
         }
     }
 
-    /// The estimate of rich logs: under the weak prior with which parts that were left out are
-    /// predicted best, bare if it may be and none saves anything.
+    /// The estimate of rich logs: the values under the weak prior with which parts that were left out
+    /// are predicted best, bare if none saves anything, and the spread of the bare estimate.
     fn of_rich_logs(
         &self,
         method: &Method,
         equations: &mut Equations<'_>,
         (prior, flat): (&ParameterPrior, &ParameterPrior),
         correlation: &[f64],
-        (bare, held, widest): (Estimate, &Held, f64),
+        (bare, held): (Estimate, &Held),
     ) -> Result<HeldEstimate, IdentificationError> {
         let parts = self.left_out(held);
-        let saved = |width: &f64| parts.judge(flat, &prior.clone().of_rich_logs(*width)).gain;
-        let widths = WIDTHS.into_iter().filter(|width| (WEAK..=widest).contains(width));
-        let of_width = widths.map(|width| (width, saved(&width)));
-        let best = of_width.max_by(|a, b| a.1.total_cmp(&b.1));
-        let (estimate, refused, held) =
-            match best.filter(|(_, saved)| *saved > 0.0 || widest.is_finite()) {
-                Some((width, _)) => {
-                    let factors = self.factors_of_many_rows();
-                    let weak = (&prior.clone().of_rich_logs(width), PriorWidth::Given(width));
-                    let weak = Task { factors: &factors, ..*self }.solve(
-                        method,
-                        equations,
-                        weak,
-                        correlation,
-                    )?;
-                    (weak.estimate.clone(), weak.refused.clone(), Some(weak))
-                }
-                None => {
-                    let (bare, refused) = without_negative(bare, flat.friction());
-                    (bare, refused, None)
-                }
-            };
+        let saved = |width: f64| parts.judge(flat, &prior.clone().of_rich_logs(width)).gain;
+        let widths = WIDTHS.into_iter().filter(|width| *width >= WEAK);
+        let best = widths.map(|width| (width, saved(width))).max_by(|a, b| a.1.total_cmp(&b.1));
+        let weak = best.filter(|(_, saved)| *saved > 0.0).map(|(width, _)| width);
+        let (estimate, refused) = match weak {
+            Some(width) => {
+                let task = Task { factors: &self.factors_of_many_rows(), ..*self };
+                let weak = (&prior.clone().of_rich_logs(width), PriorWidth::Given(width));
+                let weak = task.solve(method, equations, weak, correlation)?;
+                (Estimate { values: weak.estimate.values, ..bare }, weak.refused)
+            }
+            None => without_negative(bare, flat.friction()),
+        };
         let notes = self.refused_note(&refused).into_iter().collect();
-        let undecided = vec![];
-        Ok(HeldEstimate { estimate, held, undecided, dispersion: Dispersion::NONE, notes })
+        Ok(HeldEstimate { estimate, held: None, weak, dispersion: Dispersion::NONE, notes })
     }
 
     /// The factors, with the noise that an estimate leaves ([`Self::noise`]).

@@ -74,7 +74,7 @@ pub struct Fit {
     #[serde(default = "chosen")]
     pub prior: Option<PriorWidth>,
     /// Relative deviation of the bodies of the robot file, by which it holds what the logs do not
-    /// determine; none if the estimate is bare.
+    /// determine; none if the estimate is bare, or the logs rich.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub prior_standard_deviation: Option<f64>,
     /// cond(W); infinite where the motion does not excite a direction at all.

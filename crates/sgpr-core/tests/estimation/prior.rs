@@ -381,8 +381,8 @@ fn a_joint_that_hardly_moves_is_held_though_the_others_are_rich() {
         let logs = [log_of_six_joints([1.0, 1.0, 1.0, 1.0, share, 1.0], 2)];
         identify(&robot, &logs, &options().with_prior(prior), &()).expect("a usable model").0
     };
-    // Standard deviations of rich logs are those of noise.
-    let is_held = |model: &TorqueModel| model.fit().expect("identified").dispersion > 1.0;
+    let is_held =
+        |model: &TorqueModel| model.fit().expect("identified").prior_standard_deviation.is_some();
     let rich = of(1.0, Some(PriorWidth::Chosen));
     assert!(!is_held(&rich));
     let error = |model: &TorqueModel| {

@@ -148,8 +148,8 @@ struct Observed {
 struct Estimated {
     estimate: Estimate,
     held: Option<Held>,
-    /// Base parameters that a prior holds since the logs know little of them.
-    undecided: Vec<usize>,
+    /// Width of the prior of rich logs.
+    weak: Option<f64>,
     dispersion: Dispersion,
     forecast: Option<Forecast>,
     notes: Vec<String>,
@@ -232,26 +232,25 @@ impl Setup<'_> {
             factors.iter_mut().zip(noise).for_each(|(factor, noise)| factor.least_noise = noise);
         }
         let task = held::Task { robot, set, base, factors, parts, extents };
-        let held::HeldEstimate { mut estimate, held, undecided, dispersion, mut notes } =
-            match prior {
-                None => held::HeldEstimate {
-                    estimate: estimate(
-                        &options.method,
-                        equations,
-                        factors,
-                        &self.nominal,
-                        Some(correlation),
-                    )?,
-                    held: None,
-                    undecided: vec![],
-                    dispersion: Dispersion::NONE,
-                    notes: vec![],
-                },
-                Some(prior) => {
-                    let kept = options.start == Start::RobotFile;
-                    task.estimate(&options.method, equations, prior, correlation, kept)?
-                }
-            };
+        let held::HeldEstimate { mut estimate, held, weak, dispersion, mut notes } = match prior {
+            None => held::HeldEstimate {
+                estimate: estimate(
+                    &options.method,
+                    equations,
+                    factors,
+                    &self.nominal,
+                    Some(correlation),
+                )?,
+                held: None,
+                weak: None,
+                dispersion: Dispersion::NONE,
+                notes: vec![],
+            },
+            Some(prior) => {
+                let kept = options.start == Start::RobotFile;
+                task.estimate(&options.method, equations, prior, correlation, kept)?
+            }
+        };
         set_uncertainty(options, equations, (factors, correlation), &mut estimate, held.as_ref())?;
         *estimate.covariance *= faer::Scale(dispersion.deviation.powi(2));
         let mut forecast = None;
@@ -263,7 +262,7 @@ impl Setup<'_> {
                 Some(task.forecast(&estimate, held.as_ref(), dispersion.deviation, noise, states));
         }
         notes.append(&mut estimate.notes);
-        Ok(Estimated { estimate, held, undecided, dispersion, forecast, notes })
+        Ok(Estimated { estimate, held, weak, dispersion, forecast, notes })
     }
 
     /// What speaks against the logs.
@@ -297,7 +296,7 @@ impl Setup<'_> {
         found.notes.push(essential_note(&essential, self.base));
         estimate.values.clone_from(&essential.values);
         estimate.covariance.clone_from(&essential.covariance);
-        if counts_memory(self.options) {
+        if found.held.is_none() && counts_memory(self.options) {
             estimate.widen_for_few_rows(&data.factors, &data.correlation);
         }
         Ok(Some(essential))
@@ -441,7 +440,7 @@ impl Setup<'_> {
         &self,
         model: &mut TorqueModel,
         Observed { factors, correlation, .. }: &Observed,
-        Estimated { estimate, held, undecided, dispersion, .. }: &Estimated,
+        Estimated { estimate, held, weak, dispersion, .. }: &Estimated,
         consistency: Option<Certificate>,
     ) -> Result<(), IdentifyError> {
         let (options, dof, rank) = (self.options, self.robot.dof(), model.base.rank());
@@ -449,9 +448,10 @@ impl Setup<'_> {
         let covariance = Mat::from_fn(rank, rank, |i, j| joint[(i, j)]);
         let deviations: Vec<f64> = (0..rank).map(|k| covariance[(k, k)].max(0.0).sqrt()).collect();
         let names = model.base.names();
+        let undecided = held.as_ref().map_or(vec![], |held| held.prior.undecided(&held.data));
         let prior = held.as_ref().map(|held| &held.prior);
-        let history =
-            describe(options, self.processing, factors, prior) + &dispersed(dispersion.deviation);
+        let history = describe(options, self.processing, factors, (prior, *weak))
+            + &dispersed(dispersion.deviation);
         model.provenance.history = vec![history];
         model.fit = Some(Fit {
             method: options.method.name().into(),

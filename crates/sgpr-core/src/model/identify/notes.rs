@@ -115,7 +115,7 @@ pub(super) fn describe(
     options: &IdentifyOptions,
     processing: &Processing,
     factors: &[JointFactor],
-    prior: Option<&ParameterPrior>,
+    (prior, weak): (Option<&ParameterPrior>, Option<f64>),
 ) -> String {
     let what = match options.start {
         Start::RobotFile => "identified",
@@ -135,7 +135,14 @@ pub(super) fn describe(
         if options.effects.is_empty() { "no effects".into() } else { options.effects.join(", ") };
     let rows: usize = factors.iter().map(|factor| factor.rows).sum();
     let hz = processing.cutoff_hz;
-    let prior = prior.map_or(String::new(), |prior| {
+    let weak = weak.map_or(String::new(), |width| {
+        let width = two_digits(width);
+        format!(
+            "; held weakly by the robot file, right within {width} times the size of a link, and by \
+             friction within {width} times the torque that the file leaves"
+        )
+    });
+    let prior = prior.map_or(weak, |prior| {
         format!(
             "; what the logs do not determine is held by the robot file, right within {} times the \
              size of a link, and by friction within {} times the torque that the file leaves",
