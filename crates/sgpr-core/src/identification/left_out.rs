@@ -153,13 +153,22 @@ impl<'a> LeftOut<'a> {
     /// `before`, motion in units of its noise. Parts count alike: one in which an estimate runs off
     /// would hide all others.
     pub fn judge(&self, before: &ParameterPrior, after: &ParameterPrior) -> Judgement {
-        let pairs = self.squares(before).into_iter().zip(self.squares(after));
-        let shares = pairs.filter_map(|(before, after)| {
-            let (before, after) = (before?, after?);
-            let both = before + after;
-            (both > 0.0 && both.is_finite()).then(|| (before / both, after / both))
-        });
-        Judgement::of(&shares.collect::<Vec<_>>())
+        self.judge_each(before, std::slice::from_ref(after))[0]
+    }
+
+    /// The same of several priors.
+    pub fn judge_each(&self, before: &ParameterPrior, after: &[ParameterPrior]) -> Vec<Judgement> {
+        let before = self.squares(before);
+        let judgement = |after: &ParameterPrior| {
+            let pairs = before.iter().zip(self.squares(after));
+            let shares = pairs.filter_map(|(before, after)| {
+                let (before, after) = ((*before)?, after?);
+                let both = before + after;
+                (both > 0.0 && both.is_finite()).then(|| (before / both, after / both))
+            });
+            Judgement::of(&shares.collect::<Vec<_>>())
+        };
+        after.iter().map(judgement).collect()
     }
 
     /// Root mean square of what is left of a joint's rows in motion on parts, each predicted from

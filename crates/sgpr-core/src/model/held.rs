@@ -167,7 +167,8 @@ impl Task<'_> {
         let mut notes = Vec::new();
         if matches!(width, PriorWidth::Chosen | PriorWidth::InForce) {
             let flat = prior.clone().with_relative_deviation(FLAT).with_effect_scale(FLAT_EFFECTS);
-            let saved = self.left_out(&held).judge(&flat, &held.prior);
+            let parts = self.left_out(&held);
+            let saved = parts.judge(&flat, &held.prior);
             let saves_little = saved.gain - saved.standard_error < LEAST_GAIN || saved.parts < 2;
             let wider = faer::Scale(self.dispersion(&held).as_seen.powi(2));
             let may_be_rich = saves_little && width == PriorWidth::Chosen;
@@ -183,7 +184,7 @@ impl Task<'_> {
             let most = if probable <= CLEARLY { CLEARLY.max(FAR * probable) } else { CLEARLY };
             let bare = bare.filter(|bare| doubt(bare).median <= most);
             if let Some(bare) = bare {
-                let (priors, known) = ((&prior, &flat), (bare, &held));
+                let (priors, known) = ((&prior, &flat), (bare, &parts));
                 return self.of_rich_logs(method, equations, priors, correlation, known);
             }
             if saves_little && saved.is_worse() {
@@ -245,12 +246,13 @@ impl Task<'_> {
         equations: &mut Equations<'_>,
         (prior, flat): (&ParameterPrior, &ParameterPrior),
         correlation: &[f64],
-        (bare, held): (Estimate, &Held),
+        (bare, parts): (Estimate, &LeftOut<'_>),
     ) -> Result<HeldEstimate, IdentificationError> {
-        let parts = self.left_out(held);
-        let saved = |width: f64| parts.judge(flat, &prior.clone().of_rich_logs(width)).gain;
-        let widths = WIDTHS.into_iter().filter(|width| *width >= WEAK);
-        let best = widths.map(|width| (width, saved(width))).max_by(|a, b| a.1.total_cmp(&b.1));
+        let widths: Vec<f64> = WIDTHS.into_iter().filter(|width| *width >= WEAK).collect();
+        let priors: Vec<ParameterPrior> =
+            widths.iter().map(|width| prior.clone().of_rich_logs(*width)).collect();
+        let saved = parts.judge_each(flat, &priors).into_iter().map(|judgement| judgement.gain);
+        let best = widths.into_iter().zip(saved).max_by(|a, b| a.1.total_cmp(&b.1));
         let weak = best.filter(|(_, saved)| *saved > 0.0).map(|(width, _)| width);
         let (estimate, refused) = match weak {
             Some(width) => {
