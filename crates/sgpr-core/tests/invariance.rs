@@ -193,12 +193,18 @@ proptest! {
         let (robot, logs) = (robot(), train());
         let (other, test) = (turned(&robot, &reversed), turned_log(&read("test"), &reversed));
         let other_logs: Vec<Recording> = logs.iter().map(|log| turned_log(log, &reversed)).collect();
-        let (a, b) = (fitted(&robot, &logs, method.clone()), fitted(&other, &other_logs, method));
-        let found = [compare(&a, &[read("test")], None), compare(&b, &[test], None)].map(|found| found.expect("a \
-             good log"));
-        for (one, other) in found[0].joints.iter().zip(&found[1].joints) {
-            // An error is a difference of torques, which rounding follows.
-            prop_assert!((one.rmse - other.rmse).abs() <= ROUNDING * one.rmse_zero, "{:?} {:?}", one, other);
+        // An error is a difference of torques, which rounding follows where a prior weighs its terms.
+        let bare = options(method.clone()).with_prior(None);
+        for (options, is_bare) in [(bare, true), (options(method), false)] {
+            let fit = |robot, logs: &[Recording]| identify(robot, logs, &options, &()).expect("good logs").0;
+            let found = [
+                compare(&fit(&robot, &logs), &[read("test")], None).expect("a good log"),
+                compare(&fit(&other, &other_logs), std::slice::from_ref(&test), None).expect("a good log"),
+            ];
+            for (one, other) in found[0].joints.iter().zip(&found[1].joints) {
+                let size = if is_bare { one.rmse } else { one.rmse_zero };
+                prop_assert!((one.rmse - other.rmse).abs() <= ROUNDING * size, "{:?} {:?}", one, other);
+            }
         }
     }
 }

@@ -135,21 +135,23 @@ pub(super) fn describe(
         if options.effects.is_empty() { "no effects".into() } else { options.effects.join(", ") };
     let rows: usize = factors.iter().map(|factor| factor.rows).sum();
     let hz = processing.cutoff_hz;
-    let weak = weak.map_or(String::new(), |width| {
-        let width = two_digits(width);
+    let held = |how: &str, bodies, effects| {
         format!(
-            "; held weakly by the robot file, right within {width} times the size of a link, and by \
-             friction within {width} times the torque that the file leaves"
+            "; {how} by the robot file, right within {} times the size of a link, and by friction \
+             within {} times the torque that the file leaves",
+            two_digits(bodies),
+            two_digits(effects)
         )
-    });
-    let prior = prior.map_or(weak, |prior| {
-        format!(
-            "; what the logs do not determine is held by the robot file, right within {} times the \
-             size of a link, and by friction within {} times the torque that the file leaves",
-            two_digits(prior.relative_deviation()),
-            two_digits(prior.effect_scale())
-        )
-    });
+    };
+    let prior = match (prior, weak) {
+        (Some(prior), _) => held(
+            "what the logs do not determine is held",
+            prior.relative_deviation(),
+            prior.effect_scale(),
+        ),
+        (None, Some(width)) => held("held weakly", width, width),
+        (None, None) => String::new(),
+    };
     format!(
         "{what} by {method} from {rows} rows with {effects}; position filtered at {hz:.2} Hz, \
          {band}{prior}"
