@@ -84,6 +84,24 @@ def test_an_own_ripple_is_found_over_a_wide_range_and_is_unexplained_without_it(
     assert "joint_1: torque that depends on position" in " ".join(without.unexplained)
 
 
+def test_a_resonance_is_not_looked_for_in_the_noise_of_encoders(diagnosis: sgpr.Diagnosis) -> None:
+    assert "link_flexibility" not in diagnosis.not_testable
+
+    def coarse(log: sgpr.Recording) -> sgpr.Recording:
+        """Encoders of 0.3 mrad at the first joint: at 100 Hz what that makes of the acceleration is as large as NOISE."""
+        q = np.array(log.q)
+        q[:, 0] = 3e-4 * np.round(q[:, 0] / 3e-4)
+        return sgpr.Recording(log.time_ns, q, None, log.tau, joint_names=log.joint_names, source=log.source)
+
+    logs = [coarse(spring_log(number, seconds=8.0)) for number in range(2)]
+    model = sgpr.identify(sgpr.robots.two_link(), logs, effects=["viscous_friction", "coulomb_friction"])
+    diagnosis = sgpr.diagnose(model, logs)
+    assert "not at joint_1: noise of the position" in diagnosis.not_testable["link_flexibility"]
+    assert ("link_flexibility", "joint_1") not in {(size["effect"], *size["joints"]) for size in diagnosis.detectable}
+    # Who asks for it by hand gets it.
+    assert model.add("link_flexibility@joint_1", logs).terms
+
+
 def test_what_was_found_can_be_added(
     model: sgpr.Model, diagnosis: sgpr.Diagnosis, logs: list[sgpr.Recording], tmp_path: Path
 ) -> None:

@@ -65,7 +65,8 @@ pub(super) fn detectable(
     left: &[f64],
 ) -> Result<Vec<Detectable>, Interrupted> {
     let (basis, _) = search.with_nuisances(fitted);
-    let terms = search.terms_of_ranking(fitted);
+    let mut terms = search.terms_of_ranking(fitted);
+    terms.retain(|term| !search.is_drowned(term.effect.as_ref(), term.site));
     let columns = search.take_columns(fitted, &terms)?;
     let pairs: Vec<(Term, Vec<Column>)> = terms.into_iter().zip(columns).collect();
     let search = &*search;

@@ -144,6 +144,9 @@ pub(super) struct Problem {
     pub band_hz: f64,
     /// Per joint: what the logs show of it.
     ranges: Vec<JointRanges>,
+    /// Per joint: whether the noise of its position makes about as much torque in the band as the
+    /// noise of the torque.
+    pub noisy: Vec<bool>,
     /// Per joint: median change of speed over the sample in which it reverses, rad/s (m/s).
     pub speed_steps: Vec<f64>,
     /// The robot file at several widths, for fits that rows are left out of; none before
@@ -164,14 +167,19 @@ impl Problem {
         processing: &Processing,
     ) -> Result<Self, DiagnosisError> {
         let recordings = select_joints(model.robot(), train)?;
-        let quiet = quiet_band(model, &recordings, processing)?;
+        let quiet = quiet_bands(model, &recordings)?;
+        let narrow = narrower(&quiet, &recordings, processing);
         let logged = all_stretches(&recordings, processing)?;
-        let Some(hz) = quiet else {
-            return Self::with_motions(model, logged.clone(), logged, processing, None);
+        let motions = match narrow {
+            Some(cutoff_hz) => {
+                all_stretches(&recordings, &Processing { cutoff_hz, ..processing.clone() })?
+            }
+            None => logged.clone(),
         };
-        let narrow =
-            all_stretches(&recordings, &Processing { cutoff_hz: hz, ..processing.clone() })?;
-        Self::with_motions(model, narrow, logged, processing, quiet)
+        let band = narrow.unwrap_or(processing.cutoff_hz);
+        let mut problem = Self::with_motions(model, motions, logged, processing, narrow)?;
+        problem.noisy = quiet.iter().map(|quiet| band > MUCH_WIDER * quiet).collect();
+        Ok(problem)
     }
 
     fn with_motions(
@@ -228,6 +236,7 @@ impl Problem {
             clock,
             band_hz,
             ranges: vec![],
+            noisy: vec![false; n],
             speed_steps: vec![],
             priors: vec![],
             along: Remembered::default(),
@@ -949,32 +958,25 @@ fn until_reversal(motion: &Motion, joint: usize) -> Vec<f64> {
     times
 }
 
-/// A band, Hz, in which the noise of the positions makes less torque than the noise of the torque,
-/// if that of the model is much wider. Beyond it the acceleration is noise, and what smooths the
-/// prediction, a lag, would seem to be missing.
+/// A band that is wider by less than this factor than one in which the acceleration is no noise is
+/// none the worse for it.
+const MUCH_WIDER: f64 = 1.2;
+
+/// Per joint a band, Hz, in which the noise of the positions makes less torque than the noise of
+/// the torque. Beyond it the acceleration is noise, and what smooths the prediction, a lag, would
+/// seem to be missing.
 ///
 /// White noise of the position with standard deviation s at rate f leaves (2 pi)² s sqrt(2 B⁵ / (5
 /// f)) in the acceleration below B, white noise of the torque t sqrt(2 B / f).
-fn quiet_band(
-    model: &TorqueModel,
-    recordings: &[Recording],
-    processing: &Processing,
-) -> Result<Option<f64>, DiagnosisError> {
+fn quiet_bands(model: &TorqueModel, recordings: &[Recording]) -> Result<Vec<f64>, DiagnosisError> {
     /// Share of the noise of the torque that the noise of the position may make.
     const SHARE: f64 = 0.5;
-    /// A band that is narrower by less than this factor is not worth it.
-    const MUCH: f64 = 1.2;
-    /// Lowest band, Hz.
-    const LOWEST_HZ: f64 = 3.0;
-    /// Rows that have to be left.
-    const LEAST_ROWS: f64 = 600.0;
     let (_, choices) = Processing::choose(recordings, &Default::default())?;
     let robot = model.identified_robot();
     let n = robot.dof();
     let mut ws = Workspace::new(robot);
-    let mut band = f64::INFINITY;
     let names = model.parameter_set().names();
-    for joint in 0..n {
+    let mut of_joint = |joint: usize| {
         let name = format!("{}.Ia", robot.joints()[joint].name);
         let rotor = names
             .iter()
@@ -992,19 +994,31 @@ fn quiet_band(
             differences.extend(own.windows(3).map(|w| (w[0] - 2.0 * w[1] + w[2]).abs()));
         }
         differences.sort_by(f64::total_cmp);
-        let Some(median) = differences.get(differences.len() / 2) else { continue };
+        let median = differences.get(differences.len() / 2).copied().unwrap_or_default();
         let torque = median / (MEDIAN_OF_NORMAL * 6f64.sqrt());
         let position = choices.iter().map(|choice| choice.noise[joint]).fold(0.0, f64::max);
         let acceleration = std::f64::consts::TAU.powi(2) * position * mass / f64::max(count, 1.0);
         if acceleration > 0.0 && torque > 0.0 {
-            band = band.min((SHARE * 5f64.sqrt() * torque / acceleration).sqrt());
+            (SHARE * 5f64.sqrt() * torque / acceleration).sqrt()
+        } else {
+            f64::INFINITY
         }
-    }
+    };
+    Ok((0..n).map(&mut of_joint).collect())
+}
+
+/// The band, Hz, in which the acceleration of no joint is noise, as far as rows enough are left, if
+/// that of the model is much wider.
+fn narrower(quiet: &[f64], recordings: &[Recording], processing: &Processing) -> Option<f64> {
+    /// Lowest band, Hz.
+    const LOWEST_HZ: f64 = 3.0;
+    /// Rows that have to be left.
+    const LEAST_ROWS: f64 = 600.0;
     // Candidates have dozens of columns: rows must outnumber them many times.
     let seconds: f64 = recordings.iter().map(Recording::duration).sum();
     let lowest = (LEAST_ROWS / (ROWS_PER_CUTOFF * seconds.max(1e-9))).clamp(LOWEST_HZ, BAND_HZ);
-    let band = band.max(lowest);
-    Ok((processing.cutoff_hz > MUCH * band).then_some(band))
+    let band = quiet.iter().copied().fold(f64::INFINITY, f64::min).max(lowest);
+    (processing.cutoff_hz > MUCH_WIDER * band).then_some(band)
 }
 
 /// The largest torque of a joint in the logs, if it stays there again and again: a limit of drive

@@ -12,7 +12,7 @@ use super::structure::JointStructure;
 use super::unknown::Leftover;
 use super::written::Written;
 use super::{DiagnosisError, detectability, experiment, formula, structure, whereabouts};
-use crate::effects::{Entry, Scale, Site};
+use crate::effects::{Effect, Entry, Scale, Site};
 use crate::model::{Term, TorqueModel, compare};
 use crate::recording::{LogSet, Recording};
 use crate::robot::Robot;
@@ -415,6 +415,8 @@ fn not_testable(search: &Search<'_>, start: &Fitted, ranking: &[Candidate]) -> V
             none.then(|| "no torque stays at its largest value".into())
         } else if let Some(why) = search.not_testable(start, effect.as_ref()) {
             Some(why)
+        } else if let Some(why) = drowned(search, effect.as_ref()) {
+            Some(why)
         } else {
             invisible.then(|| {
                 format!(
@@ -436,6 +438,21 @@ fn not_testable(search: &Search<'_>, start: &Fitted, ranking: &[Candidate]) -> V
         list.push(NotTestable { effect: "*".into(), why });
     }
     list
+}
+
+/// Where an effect cannot be told from noise of the acceleration, if anywhere.
+fn drowned(search: &Search<'_>, effect: &dyn Effect) -> Option<String> {
+    let robot = search.problem.nominal.robot();
+    let names: Vec<&str> = robot.joint_names().collect();
+    let sites = effect.sites(robot).into_iter().filter(|site| search.is_drowned(effect, *site));
+    let joints: Vec<&str> = sites.filter_map(|site| Some(names[site.joint()?])).collect();
+    (!joints.is_empty()).then(|| {
+        format!(
+            "not at {}: noise of the position, twice differentiated, is as large there as that of \
+             the torque; it needs finer encoders, or longer logs in a narrower band",
+            joints.join(", ")
+        )
+    })
 }
 
 fn steps(search: &Search<'_>, decision: &Decision) -> Vec<Step> {

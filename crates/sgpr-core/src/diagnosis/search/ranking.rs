@@ -95,7 +95,9 @@ impl Search<'_> {
         let at_edge = resonances
             .filter(|(_, constant)| constant.dimension() == Dimension::Frequency)
             .any(|((k, value), _)| *value > 0.98 * self.bounds(&term, k)[1]);
-        let impossible = (first_negative && !term.effect.is_body()) || out_of_bounds || at_edge;
+        let drowned = self.is_drowned(term.effect.as_ref(), term.site);
+        let not_a_body = first_negative && !term.effect.is_body();
+        let impossible = not_a_body || out_of_bounds || at_edge || drowned;
         Candidate { impossible, stands_out: false, term, gain, score, errors: None }
     }
 
