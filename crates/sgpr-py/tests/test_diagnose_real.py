@@ -53,6 +53,26 @@ def test_an_effect_that_is_unsure_stays_in_the_model_beside_findings() -> None:
     assert any(effect in line for effect in kept for line in diagnosis.model.history), diagnosis.model.history
 
 
+def test_an_effect_whose_rivals_say_something_else_elsewhere_is_not_in_the_model() -> None:
+    # In 7 s a gain of joint 2 stands for the spring that is there, which makes another torque at other positions.
+    robot, train, test = robot_and_logs("baxter")
+    long = test[-1]
+    seconds = (long.time_ns - long.time_ns[0]) * 1e-9
+    rows = np.flatnonzero((seconds >= 0.42) & (seconds < 7.9))
+    assert long.dq is not None
+    one = (long.time_ns[rows], long.q[rows], long.dq[rows], long.tau[rows])
+    piece = sgpr.Recording(*one, joint_names=long.joint_names, source="7 s")
+    others = [*train, *test[:-1]]
+    effects = ["viscous_friction", "coulomb_friction", "rotor_inertia", "torque_offset"]
+    model = sgpr.identify(robot, [piece], effects=effects)
+
+    diagnosis = sgpr.diagnose(model, [piece], others)
+
+    before, after = (sgpr.compare(one, others).relative_error_percent for one in (model, diagnosis.model))
+    assert after < 1.02 * before
+
+
+
 def test_a_rival_that_may_be_there_as_well_is_not_instead_of_an_effect() -> None:
     # A force in the world explains part of what a tilt of the base does, and less than the two together.
     robot, train, test = robot_and_logs("panda")

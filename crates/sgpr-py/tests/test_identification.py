@@ -359,6 +359,35 @@ def test_slow_pieces_of_a_log_do_not_run_off(
         assert found < 0.3 * file, (start, end, found, file)
 
 
+def test_a_joint_that_only_trembles_is_held() -> None:
+    # One joint moves. Dry friction of the other holds it against seven tenths of its gravity, and it trembles with the first.
+    robot = sgpr.robots.two_link()
+    rng = np.random.default_rng(5)
+    t = np.arange(1600) / 200.0
+    swing = np.array([0.8, -1.1]) * np.column_stack([np.ones_like(t), np.sin(1.3 * t)])
+    speed = np.column_stack([np.zeros_like(t), -1.43 * np.cos(1.3 * t)])
+    acceleration = np.column_stack([np.zeros_like(t), 1.859 * np.sin(1.3 * t)])
+    tau = robot.inverse_dynamics(swing, speed, acceleration)
+    tau[:, 0] *= 0.3
+    tau[:, 1] += 0.3 * speed[:, 1] + 0.4 * np.sign(speed[:, 1])
+    q = swing + rng.normal(0, 1e-9, swing.shape)
+    q[:, 0] += 2e-5 * np.sin(2 * np.pi * 9 * t)
+    time_ns = np.round(t * 1e9).astype(np.int64)
+    noisy = tau + rng.normal(0, 0.02, tau.shape)
+    log = sgpr.Recording(time_ns, q, None, noisy, joint_names=robot.joint_names, source="one joint")
+
+    model = sgpr.identify(robot, [log], effects=["viscous_friction", "coulomb_friction", "torque_offset"])
+
+    held, moved = model.fit["rows"]
+    assert held == 0 and moved > 100
+    # Where it goes, the file is right.
+    there = rng.uniform(-2, 2, (50, 2))
+    zero = np.zeros_like(there)
+    of_file = robot.inverse_dynamics(there, zero, zero)[:, 0]
+    error = model.predict(there, zero, zero)[:, 0] - of_file
+    assert np.sqrt(np.mean(error**2)) < 0.1 * np.sqrt(np.mean(of_file**2))
+
+
 def test_the_prior_can_be_left_out(demo_robot: sgpr.Robot, demo_logs: list[sgpr.Recording]) -> None:
     # Rich logs outweigh it.
     held, bare = sgpr.identify(demo_robot, demo_logs), sgpr.identify(demo_robot, demo_logs, prior=None)

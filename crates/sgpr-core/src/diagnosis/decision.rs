@@ -80,6 +80,8 @@ pub(super) struct Judged {
     pub forms: Vec<String>,
     /// Probability that it or a rival is there.
     pub something: f64,
+    /// It and its rivals, each in its place, and their weights.
+    pub alternatives: Vec<(Term, f64)>,
 }
 
 impl Judged {
@@ -337,7 +339,8 @@ fn judge_one(
     let term = &fitted.terms()[index];
     if is_limit(term) {
         let probability = 1.0 - 1.0 / search.units;
-        return Judged { index, probability, forms: vec![], something: probability };
+        let (forms, alternatives) = (vec![], vec![]);
+        return Judged { index, probability, forms, something: probability, alternatives };
     }
     let bare = search.bare(fitted, index);
     let rivals = step.rivals.iter().filter(|(rival, score)| {
@@ -407,13 +410,16 @@ fn judge_one(
     let something = (1.0 - of_process).min(1.0 - weights[0]);
     let likely = forms.iter().filter(|k| weights[**k] > 1.0 - CERTAIN);
     let forms = likely.map(|k| rivals[k - 2].effect.name().to_string()).collect();
+    let each = [&term].into_iter().chain(&rivals).copied().cloned();
+    let alternatives = each.zip(weights[1..].iter().copied()).collect();
     let comparison = models[0].against(own_errors, &search.problem, &joints);
     let most = beside.hypothesis(fitted).map_or(1.0, |own| {
         let without = own.like(&search.problem, &bare, &joints);
         let factor = without.and_then(|without| own.log_bayes_factor(&without, &search.problem));
         most_probable(search, term, (comparison, factor))
     });
-    Judged { index, probability: probability.min(most), forms, something: something.min(most) }
+    let (probability, something) = (probability.min(most), something.min(most));
+    Judged { index, probability, forms, something, alternatives }
 }
 
 /// The largest probability of a term that its Bayes factor, if there is one, or its gain on

@@ -29,6 +29,13 @@ const BEYOND: f64 = 0.5;
 /// Samples that are looked at.
 const MOST: usize = 2000;
 
+impl StretchSamples {
+    fn trajectory(&self) -> Trajectory<'_> {
+        let samples = Samples { q: &self.q, dq: &self.dq, ddq: &self.ddq };
+        Trajectory { samples, rate_hz: self.rate_hz, time: &self.time, channels: &[] }
+    }
+}
+
 impl Elsewhere {
     pub fn new(problem: &Problem) -> Self {
         let n = problem.dof();
@@ -85,15 +92,28 @@ impl Elsewhere {
             .map(|(own, beside)| if own.is_finite() { (beside - own).max(0.0) } else { *own })
             .collect()
     }
+
+    /// Mean square of what two models predict differently there, per joint, (N·m)² (N²).
+    pub fn difference(&self, models: [&TorqueModel; 2]) -> Vec<f64> {
+        let n = models[0].robot().dof();
+        let (mut sums, mut rows) = (vec![0.0; n], 0.0);
+        for motion in &self.beside {
+            let [own, other] = models.map(|model| model.predict_trajectory(&motion.trajectory()));
+            own.iter()
+                .zip(&other)
+                .enumerate()
+                .for_each(|(k, (own, other))| sums[k % n] += (own - other).powi(2));
+            rows += (own.len() / n) as f64;
+        }
+        sums.into_iter().map(|sum| sum / f64::max(rows, 1.0)).collect()
+    }
 }
 
 fn mean_variance(motions: &[StretchSamples], model: &TorqueModel) -> Vec<f64> {
     let n = model.robot().dof();
     let (mut sums, mut rows) = (vec![0.0; n], 0.0);
     for s in motions {
-        let samples = Samples { q: &s.q, dq: &s.dq, ddq: &s.ddq };
-        let along = Trajectory { samples, rate_hz: s.rate_hz, time: &s.time, channels: &[] };
-        let Ok(deviations) = model.standard_deviation_along(&along) else {
+        let Ok(deviations) = model.standard_deviation_along(&s.trajectory()) else {
             return vec![f64::INFINITY; n];
         };
         deviations

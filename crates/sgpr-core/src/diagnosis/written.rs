@@ -4,14 +4,15 @@
 //! consistency of the given model, and must be better than that one on motion that no fit saw. What
 //! a prediction errs by there is the error on parts of the logs that were left out, what is beyond
 //! the band of the equations, and what parameters that the logs do not determine make of positions
-//! that they do not show.
+//! that they do not show. An effect that stands in the fit for others which are as probable is in
+//! the model if these say much the same at such positions.
 
 use std::ops::Range;
 
 use rayon::prelude::*;
 
 use super::by_log::ByLog;
-use super::decision::Decision;
+use super::decision::{Decision, Judged};
 use super::elsewhere::Elsewhere;
 use super::evidence::{LeftOut, deviate_of_mean};
 use super::fit::{Fitted, beyond_of, left_out_parts};
@@ -49,19 +50,31 @@ pub(super) fn written(
     let outcome = &decision.outcome;
     let problem = &search.problem;
     let elsewhere = Elsewhere::new(problem);
+    let identified = |terms| identified_again(search, given, terms, train);
     let trial = |fitted: &Fitted| -> Result<(TorqueModel, Risk), IdentifyError> {
-        let model = identified_again(search, given, fitted.terms().to_vec(), train)?;
+        let model = identified(fitted.terms().to_vec())?;
         let parts = left_out_parts(problem, fitted, &search.noise, FOLDS);
         let risk = Risk::new(problem, fitted, parts, elsewhere.variance(&model));
         Ok((model, risk))
     };
+    let fit_without =
+        |out: &[usize]| search.refit(&outcome.fitted, without(outcome.fitted.terms(), out));
     let found: Vec<usize> = outcome.news(search).map(|(k, _)| k).collect();
-    let mut taken_back = Vec::new();
     if found.is_empty() {
-        return Ok(Written { model: given.clone(), taken_back });
+        return Ok(Written { model: given.clone(), taken_back: vec![] });
     }
     let (before, after) = rayon::join(|| trial(&outcome.start), || trial(&outcome.fitted));
     let ((_, before), (mut model, mut after)) = (before?, after?);
+    let mut taken_back = Vec::new();
+    for (judged, _) in decision.news(search, false) {
+        let there = (&outcome.fitted, &model);
+        if !is_worth_its_place(search, there, judged, (&elsewhere, &identified))? {
+            taken_back.push(judged.index);
+        }
+    }
+    if !taken_back.is_empty() {
+        (model, after) = trial(&fit_without(&taken_back))?;
+    }
     loop {
         let inside: Vec<usize> =
             found.iter().filter(|k| !taken_back.contains(*k)).copied().collect();
@@ -82,8 +95,7 @@ pub(super) fn written(
         let all = if there.is_empty() { inside } else { there };
         let without_it = |k: &usize| {
             let out = [&taken_back[..], &[*k]].concat();
-            let trial =
-                trial(&search.refit(&outcome.fitted, without(outcome.fitted.terms(), &out)))?;
+            let trial = trial(&fit_without(&out))?;
             let growth: f64 =
                 worse.iter().map(|joint| (trial.1.of(*joint) / before.of(*joint)).ln()).sum();
             let of_all: f64 =
@@ -101,6 +113,30 @@ pub(super) fn written(
         (model, after) = next;
     }
 }
+
+/// Whether a term of a fit that stands for rivals, too, is expected to predict motion that the logs do
+/// not show no worse than none would: if what is there is one of them, the term errs there by what the
+/// two differ, and a model without it by what that one makes.
+fn is_worth_its_place(
+    search: &Search<'_>,
+    (fitted, model): (&Fitted, &TorqueModel),
+    judged: &Judged,
+    (elsewhere, identified): (&Elsewhere, &Identified<'_>),
+) -> Result<bool, IdentifyError> {
+    let bare = identified(search.bare(fitted, judged.index).terms().to_vec())?;
+    let mut gain = vec![0.0; search.problem.dof()];
+    for (term, weight) in &judged.alternatives {
+        let there = search.with_instead(fitted, judged.index, term.clone());
+        let there = identified(there.terms().to_vec())?;
+        let [without, with] = [&bare, model].map(|model| elsewhere.difference([model, &there]));
+        let gains = without.iter().zip(&with).map(|(without, with)| weight * (without - with));
+        gain.iter_mut().zip(gains).for_each(|(sum, gain)| *sum += gain);
+    }
+    Ok(search.joints_of(&fitted.terms()[judged.index]).iter().all(|joint| gain[*joint] >= 0.0))
+}
+
+/// The model with some terms, identified anew.
+type Identified<'a> = dyn Fn(Vec<Term>) -> Result<TorqueModel, IdentifyError> + Sync + 'a;
 
 /// The model with these terms, all parameters identified anew from the logs, with the prior and the
 /// consistency that it has.

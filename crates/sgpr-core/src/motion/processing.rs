@@ -91,6 +91,14 @@ const SPEED_SHARE: f64 = 5e-4;
 /// ... and below this, rad/s (m/s), whatever the noise.
 const SLOWEST: f64 = 1e-6;
 
+/// A joint that goes less than this share of the way of the one that goes farthest is held by its
+/// brake or its dry friction, and trembles with the others: what holds it is no friction of motion,
+/// whatever torque it takes ...
+const HELD: f64 = 1e-3;
+
+/// ... and it stands below this share of the highest speed of all joints.
+const TREMBLE: f64 = 0.01;
+
 /// A period of a day, Hz: slower motions are none.
 const LOWEST_CUTOFF_HZ: f64 = 1e-5;
 /// No stamp of integer nanoseconds tells more, Hz; what a log can hold is checked beside the log.
@@ -182,19 +190,20 @@ impl Processing {
     ) -> Result<(Self, Vec<CutoffChoice>), MotionError> {
         let mut choices = Vec::new();
         let mut slowest = f64::INFINITY;
-        let mut top_speed: Vec<f64> = Vec::new();
+        let (mut top_speed, mut range): (Vec<f64>, Vec<f64>) = Default::default();
         for recording in recordings {
             let fits = |known: &Spectra| known.joints == recording.joint_names();
             let spectra = recording.keeping(fits, || Spectra::new(recording))?;
             let Some(choice) = &spectra.choice else { continue };
             choices.push(choice.clone());
             slowest = slowest.min(spectra.rate_hz);
-            top_speed.resize(recording.dof(), 0.0);
-            top_speed
-                .iter_mut()
-                .zip(&spectra.top_speed)
-                .for_each(|(top, own)| *top = top.max(*own));
+            for (all, own) in [(&mut top_speed, &spectra.top_speed), (&mut range, &spectra.range)] {
+                all.resize(recording.dof(), 0.0);
+                all.iter_mut().zip(own).for_each(|(all, own)| *all = all.max(*own));
+            }
         }
+        let most = |values: &[f64]| values.iter().copied().fold(0.0, f64::max);
+        let (fastest, farthest) = (most(&top_speed), most(&range));
         let Some(highest) = CutoffChoice::highest_hz(&choices) else {
             return Err(MotionError::NoRecording);
         };
@@ -214,11 +223,14 @@ impl Processing {
                 * cutoff_hz
                 * noise
                 * (2.0 * cutoff_hz / (3.0 * slowest)).sqrt();
-            (NOISE_MARGIN * speed_noise).max(SPEED_SHARE * top_speed[joint]).max(SLOWEST)
+            let tremble = if range[joint] < HELD * farthest { TREMBLE * fastest } else { 0.0 };
+            (NOISE_MARGIN * speed_noise)
+                .max(SPEED_SHARE * top_speed[joint])
+                .max(tremble)
+                .max(SLOWEST)
         };
         if let Some(speed) = conditioning.standstill_speed {
             let moved = |(joint, &top): (usize, &f64)| top > standstill(joint);
-            let fastest = top_speed.iter().copied().fold(0.0, f64::max);
             if speed >= fastest && top_speed.iter().enumerate().any(moved) {
                 return Err(MotionError::NothingMoves { speed, fastest });
             }
@@ -247,6 +259,8 @@ struct Spectra {
     rate_hz: f64,
     /// Per joint, from coarse steps: noise makes little of it, rad/s (m/s).
     top_speed: Vec<f64>,
+    /// From the lowest to the highest position of these steps, rad (m).
+    range: Vec<f64>,
 }
 
 impl Spectra {
@@ -257,6 +271,7 @@ impl Spectra {
             choice: None,
             rate_hz: 0.0,
             top_speed: vec![0.0; n],
+            range: vec![0.0; n],
         };
         // The longest stretch speaks for a log.
         let stretches = stretches(recording, GAP_FACTOR);
@@ -266,11 +281,14 @@ impl Spectra {
         spectra.rate_hz = uniform_rate(&longest)?;
         spectra.choice = Some(choose_cutoff(longest.position(), n, spectra.rate_hz));
         let stride = (0.05 * spectra.rate_hz).ceil() as usize;
-        for (joint, top) in spectra.top_speed.iter_mut().enumerate() {
+        for joint in 0..n {
             let coarse: Vec<f64> =
                 longest.position().iter().skip(joint).step_by(n * stride).copied().collect();
             let speed = |pair: &[f64]| (pair[1] - pair[0]).abs() * spectra.rate_hz / stride as f64;
-            *top = coarse.windows(2).map(speed).fold(0.0, f64::max);
+            spectra.top_speed[joint] = coarse.windows(2).map(speed).fold(0.0, f64::max);
+            let ends = |[low, high]: [f64; 2], q: &f64| [low.min(*q), high.max(*q)];
+            let [low, high] = coarse.iter().fold([f64::INFINITY, f64::NEG_INFINITY], ends);
+            spectra.range[joint] = high - low;
         }
         Ok(spectra)
     }
