@@ -91,9 +91,9 @@ const SPEED_SHARE: f64 = 5e-4;
 /// ... and below this, rad/s (m/s), whatever the noise.
 const SLOWEST: f64 = 1e-6;
 
-/// A joint that goes less than this share of the way of the one that goes farthest is held by its
-/// brake or its dry friction, and trembles with the others: what holds it is no friction of motion,
-/// whatever torque it takes ...
+/// A joint that goes less than this share of the way of the one that goes farthest, of a turn at
+/// most, is held by its brake or its dry friction, and trembles with the others: what holds it is no
+/// friction of motion, whatever torque it takes ...
 const HELD: f64 = 1e-3;
 
 /// ... and it stands below this share of the highest speed of all joints.
@@ -203,7 +203,7 @@ impl Processing {
             }
         }
         let most = |values: &[f64]| values.iter().copied().fold(0.0, f64::max);
-        let (fastest, farthest) = (most(&top_speed), most(&range));
+        let (fastest, farthest) = (most(&top_speed), most(&range).min(std::f64::consts::TAU));
         let Some(highest) = CutoffChoice::highest_hz(&choices) else {
             return Err(MotionError::NoRecording);
         };
