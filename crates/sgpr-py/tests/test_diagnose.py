@@ -88,7 +88,7 @@ def test_a_resonance_is_not_looked_for_in_the_noise_of_encoders(diagnosis: sgpr.
     assert "link_flexibility" not in diagnosis.not_testable
 
     def coarse(log: sgpr.Recording) -> sgpr.Recording:
-        """Encoders of 0.3 mrad at the first joint: at 100 Hz what that makes of the acceleration is as large as NOISE."""
+        """Encoders of 0.3 mrad at the first joint: what that makes of its acceleration is as large as NOISE."""
         q = np.array(log.q)
         q[:, 0] = 3e-4 * np.round(q[:, 0] / 3e-4)
         return sgpr.Recording(log.time_ns, q, None, log.tau, joint_names=log.joint_names, source=log.source)

@@ -72,7 +72,6 @@ def test_an_effect_whose_rivals_say_something_else_elsewhere_is_not_in_the_model
     assert after < 1.02 * before
 
 
-
 def test_a_rival_that_may_be_there_as_well_is_not_instead_of_an_effect() -> None:
     # A force in the world explains part of what a tilt of the base does, and less than the two together.
     robot, train, test = robot_and_logs("panda")

@@ -360,7 +360,7 @@ def test_slow_pieces_of_a_log_do_not_run_off(
 
 
 def test_a_joint_that_only_trembles_is_held() -> None:
-    # One joint moves. Dry friction of the other holds it against seven tenths of its gravity, and it trembles with the first.
+    # One joint moves. Dry friction of the other holds it against seven tenths of its gravity, and it trembles.
     robot = sgpr.robots.two_link()
     rng = np.random.default_rng(5)
     t = np.arange(1600) / 200.0
