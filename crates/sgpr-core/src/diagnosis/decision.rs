@@ -410,7 +410,7 @@ fn judge_one(
     let something = (1.0 - of_process).min(1.0 - weights[0]);
     let likely = forms.iter().filter(|k| weights[**k] > 1.0 - CERTAIN);
     let forms = likely.map(|k| rivals[k - 2].effect.name().to_string()).collect();
-    let each = [&term].into_iter().chain(&rivals).copied().cloned();
+    let each = std::iter::once(term).chain(rivals.iter().copied()).cloned();
     let alternatives = each.zip(weights[1..].iter().copied()).collect();
     let comparison = models[0].against(own_errors, &search.problem, &joints);
     let most = beside.hypothesis(fitted).map_or(1.0, |own| {

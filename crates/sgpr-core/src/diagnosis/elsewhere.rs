@@ -95,32 +95,29 @@ impl Elsewhere {
 
     /// Mean square of what two models predict differently there, per joint, (N·m)² (N²).
     pub fn difference(&self, models: [&TorqueModel; 2]) -> Vec<f64> {
-        let n = models[0].robot().dof();
-        let (mut sums, mut rows) = (vec![0.0; n], 0.0);
-        for motion in &self.beside {
+        let differ = |motion: &StretchSamples| -> Vec<f64> {
             let [own, other] = models.map(|model| model.predict_trajectory(&motion.trajectory()));
-            own.iter()
-                .zip(&other)
-                .enumerate()
-                .for_each(|(k, (own, other))| sums[k % n] += (own - other).powi(2));
-            rows += (own.len() / n) as f64;
-        }
-        sums.into_iter().map(|sum| sum / f64::max(rows, 1.0)).collect()
+            own.iter().zip(&other).map(|(own, other)| own - other).collect()
+        };
+        mean_squares(models[0].robot().dof(), self.beside.iter().map(differ))
     }
 }
 
 fn mean_variance(motions: &[StretchSamples], model: &TorqueModel) -> Vec<f64> {
     let n = model.robot().dof();
+    let deviations = motions.iter().map(|s| model.standard_deviation_along(&s.trajectory()));
+    match deviations.collect::<Result<Vec<_>, _>>() {
+        Ok(deviations) => mean_squares(n, deviations.into_iter()),
+        Err(_) => vec![f64::INFINITY; n],
+    }
+}
+
+/// Per joint, of values per sample and joint of some motions.
+fn mean_squares(n: usize, motions: impl Iterator<Item = Vec<f64>>) -> Vec<f64> {
     let (mut sums, mut rows) = (vec![0.0; n], 0.0);
-    for s in motions {
-        let Ok(deviations) = model.standard_deviation_along(&s.trajectory()) else {
-            return vec![f64::INFINITY; n];
-        };
-        deviations
-            .iter()
-            .enumerate()
-            .for_each(|(k, deviation)| sums[k % n] += deviation * deviation);
-        rows += (deviations.len() / n) as f64;
+    for values in motions {
+        values.iter().enumerate().for_each(|(k, value)| sums[k % n] += value * value);
+        rows += (values.len() / n) as f64;
     }
     sums.into_iter().map(|sum| sum / f64::max(rows, 1.0)).collect()
 }
