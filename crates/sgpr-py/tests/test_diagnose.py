@@ -84,20 +84,40 @@ def test_an_own_ripple_is_found_over_a_wide_range_and_is_unexplained_without_it(
     assert "joint_1: torque that depends on position" in " ".join(without.unexplained)
 
 
-def test_a_resonance_is_not_looked_for_in_the_noise_of_encoders(diagnosis: sgpr.Diagnosis) -> None:
-    assert "link_flexibility" not in diagnosis.not_testable
+def coarse_logs(seconds: float) -> list[sgpr.Recording]:
+    """Encoders of 0.3 mrad at the first joint: what that makes of its acceleration is as large as NOISE above 3 Hz."""
 
     def coarse(log: sgpr.Recording) -> sgpr.Recording:
-        """Encoders of 0.3 mrad at the first joint: what that makes of its acceleration is as large as NOISE."""
         q = np.array(log.q)
         q[:, 0] = 3e-4 * np.round(q[:, 0] / 3e-4)
         return sgpr.Recording(log.time_ns, q, None, log.tau, joint_names=log.joint_names, source=log.source)
 
-    logs = [coarse(spring_log(number, seconds=8.0)) for number in range(2)]
+    return [coarse(spring_log(number, seconds)) for number in range(2)]
+
+
+def diagnosed(logs: list[sgpr.Recording]) -> tuple[sgpr.Model, sgpr.Diagnosis]:
     model = sgpr.identify(sgpr.robots.two_link(), logs, effects=["viscous_friction", "coulomb_friction"])
-    diagnosis = sgpr.diagnose(model, logs)
-    assert "not at joint_1: noise of the position" in diagnosis.not_testable["link_flexibility"]
-    assert ("link_flexibility", "joint_1") not in {(size["effect"], *size["joints"]) for size in diagnosis.detectable}
+    return model, sgpr.diagnose(model, logs)
+
+
+def test_nothing_is_found_in_the_noise_of_encoders() -> None:
+    _, diagnosis = diagnosed(coarse_logs(8.0))
+    (finding,) = diagnosis.findings
+    assert (finding.effect, finding.joints) == ("cable_stiffness", ["joint_1"])
+    value, deviation, _ = finding.parameters["joint_1.k"]
+    assert deviation is not None and abs(value - HIDDEN) < 3 * deviation
+
+
+def test_what_follows_the_acceleration_is_not_looked_for_in_the_noise_of_encoders(diagnosis: sgpr.Diagnosis) -> None:
+    driven = ("link_flexibility", "transmission_hysteresis")
+    assert not any(effect in diagnosis.not_testable for effect in driven)
+    # 5 s are too short for a band below that noise.
+    logs = coarse_logs(2.5)
+    model, coarse = diagnosed(logs)
+    testable = {(size["effect"], *size["joints"]) for size in coarse.detectable}
+    for effect in driven:
+        assert "not at joint_1: noise of the position" in coarse.not_testable[effect]
+        assert (effect, "joint_1") not in testable and (effect, "joint_2") in testable
     # Who asks for it by hand gets it.
     assert model.add("link_flexibility@joint_1", logs).terms
 

@@ -168,7 +168,8 @@ impl Problem {
     ) -> Result<Self, DiagnosisError> {
         let recordings = select_joints(model.robot(), train)?;
         let quiet = quiet_bands(model, &recordings)?;
-        let narrow = narrower(&quiet, &recordings, processing);
+        let parameters = BaseParameters::new(model.robot(), model.parameter_set()).rank();
+        let narrow = narrower(&quiet, parameters, &recordings, processing);
         let logged = all_stretches(&recordings, processing)?;
         let motions = match narrow {
             Some(cutoff_hz) => {
@@ -1009,14 +1010,23 @@ fn quiet_bands(model: &TorqueModel, recordings: &[Recording]) -> Result<Vec<f64>
 
 /// The band, Hz, in which the acceleration of no joint is noise, as far as rows enough are left, if
 /// that of the model is much wider.
-fn narrower(quiet: &[f64], recordings: &[Recording], processing: &Processing) -> Option<f64> {
+fn narrower(
+    quiet: &[f64],
+    parameters: usize,
+    recordings: &[Recording],
+    processing: &Processing,
+) -> Option<f64> {
     /// Lowest band, Hz.
     const LOWEST_HZ: f64 = 3.0;
-    /// Rows that have to be left.
-    const LEAST_ROWS: f64 = 600.0;
-    // Candidates have dozens of columns: rows must outnumber them many times.
-    let seconds: f64 = recordings.iter().map(Recording::duration).sum();
-    let lowest = (LEAST_ROWS / (ROWS_PER_CUTOFF * seconds.max(1e-9))).clamp(LOWEST_HZ, BAND_HZ);
+    /// Rows of a joint that have to be left for each parameter of the arm.
+    const ROWS_EACH: f64 = 10.0;
+    let seconds = recordings.iter().map(Recording::duration).sum::<f64>().max(1e-9);
+    let rows = ROWS_EACH * parameters as f64;
+    // The lower the band, the longer the blocks that are left out, of which there are enough.
+    let folds = FOLDS as f64;
+    let blocks = if seconds < folds * LONGEST_BLOCK_S { 2.0 * BLOCKS * folds } else { 0.0 };
+    let lowest = (rows / ROWS_PER_CUTOFF).max(blocks) / seconds;
+    let lowest = lowest.clamp(LOWEST_HZ, BAND_HZ);
     let band = quiet.iter().copied().fold(f64::INFINITY, f64::min).max(lowest);
     (processing.cutoff_hz > MUCH_WIDER * band).then_some(band)
 }

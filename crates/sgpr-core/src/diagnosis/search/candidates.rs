@@ -90,11 +90,13 @@ impl Search<'_> {
         contexts.iter().find_map(|context| effect.not_testable(context))
     }
 
-    /// Whether an effect rings at a joint whose acceleration is noise. That noise is in the torque
-    /// which the model predicts, and a resonance that is driven by it can take it out again.
+    /// Whether an effect remembers, at a joint whose acceleration is noise, how it was driven. That
+    /// noise is in the torque which the model predicts: a resonance and a loop that follow it can
+    /// take it out again.
     pub fn is_drowned(&self, effect: &dyn Effect, site: Site) -> bool {
         let rings = effect.constants().iter().any(|c| c.dimension() == Dimension::Frequency);
-        rings && site.joint().is_some_and(|joint| self.problem.noisy[joint])
+        let driven = effect.has_memory() && (rings || effect.follows_torque());
+        driven && site.joint().is_some_and(|joint| self.problem.noisy[joint])
     }
 
     /// One term per effect, site and point of the grid; those that need a search of their own are
