@@ -38,7 +38,7 @@ fn log(robot: &Robot, source: &str, seed: u64) -> Recording {
     }
     let mut tau = truth.predict(Samples { q: &q, dq: &dq, ddq: &ddq });
     tau.iter_mut().for_each(|tau| *tau += 0.05 * random.normal());
-    q.iter_mut().for_each(|q| *q += 1e-5 * random.normal());
+    q.iter_mut().for_each(|q| *q += 1e-6 * random.normal());
     let time = (0..samples as i64).map(|k| 5_000_000 * k + 20_000_000_000 * seed as i64).collect();
     let names = robot.joint_names().map(String::from).collect();
     Recording::new(source, names, time, q, None, Some(tau), vec![]).expect("whole samples")
