@@ -122,6 +122,21 @@ def test_what_follows_the_acceleration_is_not_looked_for_in_the_noise_of_encoder
     assert model.add("link_flexibility@joint_1", logs).terms
 
 
+@pytest.mark.parametrize(("order", "repeats"), [(4.0, False), (9.0, True)])
+def test_a_ripple_repeats(order: float, repeats: bool) -> None:
+    """Of 4 per turn the first joint, which moves by 2.5 rad, shows 1.6 periods, of 9 per turn 3.6."""
+
+    def rippled(log: sgpr.Recording) -> sgpr.Recording:
+        tau = np.array(log.tau)
+        tau[:, 0] += np.sin(order * log.q[:, 0] + 0.5) - HIDDEN * log.q[:, 0]
+        return sgpr.Recording(log.time_ns, log.q, None, tau, joint_names=log.joint_names, source=log.source)
+
+    _, diagnosis = diagnosed([rippled(spring_log(number)) for number in range(2)])
+    assert diagnosis.verdict != "nothing_missing"
+    ripples = {finding.effect for finding in diagnosis.findings} & {"torque_ripple", "kinematic_error"}
+    assert ripples == ({"torque_ripple"} if repeats else set())
+
+
 def test_what_was_found_can_be_added(
     model: sgpr.Model, diagnosis: sgpr.Diagnosis, logs: list[sgpr.Recording], tmp_path: Path
 ) -> None:

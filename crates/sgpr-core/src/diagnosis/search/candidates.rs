@@ -242,8 +242,28 @@ impl Search<'_> {
         let joint = term.site.joint().unwrap_or_default();
         let constant = &term.effect.constants()[index];
         let [low, high] = constant.bounds_in(self.problem.ranges(joint));
-        let resolved = is_width_of_reversal(term.effect.as_ref(), constant);
-        [if resolved { self.problem.speed_steps[joint].clamp(low, high) } else { low }, high]
+        let least = if is_width_of_reversal(term.effect.as_ref(), constant) {
+            self.problem.speed_steps[joint]
+        } else if constant.scale == Scale::Order {
+            self.least_order(joint)
+        } else {
+            low
+        };
+        [least.clamp(low, high), high]
+    }
+
+    /// Least order, per turn, of what repeats within the positions of a joint: less than two
+    /// periods are any smooth function of them.
+    fn least_order(&self, joint: usize) -> f64 {
+        let [low, high] = self.problem.ranges(joint).position;
+        2.0 * TAU / (high - low)
+    }
+
+    /// Whether a term has an order that the logs do not show to repeat.
+    pub(super) fn is_once(&self, term: &Term) -> bool {
+        let constants = term.effect.constants().iter().zip(&term.constants);
+        let mut orders = constants.filter(|(constant, _)| constant.scale == Scale::Order);
+        orders.any(|(_, value)| *value <= self.least_order(term.site.joint().unwrap_or_default()))
     }
 
     /// Effects with an order: the lines of a periodogram of the residual over the position.

@@ -97,7 +97,8 @@ impl Search<'_> {
             .any(|((k, value), _)| *value > 0.98 * self.bounds(&term, k)[1]);
         let drowned = self.is_drowned(term.effect.as_ref(), term.site);
         let not_a_body = first_negative && !term.effect.is_body();
-        let impossible = not_a_body || out_of_bounds || at_edge || drowned;
+        let once = self.is_once(&term);
+        let impossible = not_a_body || out_of_bounds || at_edge || drowned || once;
         Candidate { impossible, stands_out: false, term, gain, score, errors: None }
     }
 
