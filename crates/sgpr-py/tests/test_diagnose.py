@@ -122,6 +122,17 @@ def test_what_follows_the_acceleration_is_not_looked_for_in_the_noise_of_encoder
     assert model.add("link_flexibility@joint_1", logs).terms
 
 
+def test_a_gap_is_no_time_that_a_band_can_be_chosen_for() -> None:
+    def gapped(log: sgpr.Recording) -> sgpr.Recording:
+        there = np.r_[0:150, 250:400]
+        time_ns, q, tau = log.time_ns[there], log.q[there], np.array(log.tau)[there]
+        return sgpr.Recording(time_ns, q, None, tau, joint_names=log.joint_names, source=log.source)
+
+    # Eight seconds would be long enough for a band below the noise, the six of them that are there are not.
+    _, diagnosis = diagnosed([gapped(log) for log in coarse_logs(4.0)])
+    assert "not at joint_1: noise of the position" in diagnosis.not_testable["link_flexibility"]
+
+
 @pytest.mark.parametrize(("order", "repeats"), [(4.0, False), (9.0, True)])
 def test_a_ripple_repeats(order: float, repeats: bool) -> None:
     """Of 4 per turn the first joint, which moves by 2.5 rad, shows 1.6 periods, of 9 per turn 3.6."""

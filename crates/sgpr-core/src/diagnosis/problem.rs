@@ -73,6 +73,17 @@ fn block_seconds(seconds: f64, band_hz: f64) -> f64 {
     (seconds / (BLOCKS * FOLDS as f64)).max(BLOCKS / band_hz).min(LONGEST_BLOCK_S)
 }
 
+/// Shortest logs in a band with two of the shortest blocks for every fold, or one of the longest, s.
+fn least_seconds(band_hz: f64) -> f64 {
+    FOLDS as f64 * LONGEST_BLOCK_S.min(2.0 * BLOCKS / band_hz)
+}
+
+/// Lowest band, Hz, of which logs of so many seconds are long enough, rounding aside.
+fn least_band(seconds: f64) -> f64 {
+    let (folds, margin) = (FOLDS as f64, 1.0 + 4.0 * f64::EPSILON);
+    if seconds < folds * LONGEST_BLOCK_S { margin * 2.0 * folds * BLOCKS / seconds } else { 0.0 }
+}
+
 /// One processed stretch of a log.
 #[derive(Debug)]
 pub(super) struct Stretch {
@@ -168,9 +179,11 @@ impl Problem {
     ) -> Result<Self, DiagnosisError> {
         let recordings = select_joints(model.robot(), train)?;
         let quiet = quiet_bands(model, &recordings)?;
-        let parameters = BaseParameters::new(model.robot(), model.parameter_set()).rank();
-        let narrow = narrower(&quiet, parameters, &recordings, processing);
+        let base = BaseParameters::new(model.robot(), model.parameter_set());
         let logged = all_stretches(&recordings, processing)?;
+        let judged_s = logged.iter().map(|motion| motion.len() as f64 / motion.rate_hz).sum();
+        let lowest = least_band(judged_s);
+        let narrow = narrower((&quiet, lowest), base.rank(), &recordings, processing);
         let motions = match narrow {
             Some(cutoff_hz) => {
                 all_stretches(&recordings, &Processing { cutoff_hz, ..processing.clone() })?
@@ -178,15 +191,15 @@ impl Problem {
             None => logged.clone(),
         };
         let band = narrow.unwrap_or(processing.cutoff_hz);
-        let mut problem = Self::with_motions(model, motions, logged, processing, narrow)?;
+        let mut problem = Self::with_motions(model, base, [motions, logged], processing, narrow)?;
         problem.noisy = quiet.iter().map(|quiet| band > MUCH_WIDER * quiet).collect();
         Ok(problem)
     }
 
     fn with_motions(
         model: &TorqueModel,
-        motions: Vec<Arc<Motion>>,
-        logged: Vec<Arc<Motion>>,
+        base: BaseParameters,
+        [motions, logged]: [Vec<Arc<Motion>>; 2],
         processing: &Processing,
         quiet: Option<f64>,
     ) -> Result<Self, DiagnosisError> {
@@ -218,7 +231,7 @@ impl Problem {
         }
         let band_hz = quiet.unwrap_or(BAND_HZ);
         let mut problem = Self {
-            base: BaseParameters::new(robot, &set).extended_for(&generic(robot), &set),
+            base: base.extended_for(&generic(robot), &set),
             set,
             nominal,
             inertias_known,
@@ -343,9 +356,9 @@ impl Problem {
         self.stretches.iter().map(Stretch::seconds).sum()
     }
 
-    /// Shortest logs with two of the shortest blocks for every fold, or one of the longest, s.
+    /// Shortest logs that can be judged in the band, s.
     pub fn least_seconds(&self) -> f64 {
-        FOLDS as f64 * LONGEST_BLOCK_S.min(2.0 * BLOCKS / self.band_hz)
+        least_seconds(self.band_hz)
     }
 
     pub fn dof(&self) -> usize {
@@ -1010,8 +1023,10 @@ fn quiet_bands(model: &TorqueModel, recordings: &[Recording]) -> Result<Vec<f64>
 
 /// The band, Hz, in which the acceleration of no joint is noise, as far as rows enough are left, if
 /// that of the model is much wider.
+///
+/// - `quiet`: that of each joint, and the lowest of which the logs are long enough
 fn narrower(
-    quiet: &[f64],
+    (quiet, least): (&[f64], f64),
     parameters: usize,
     recordings: &[Recording],
     processing: &Processing,
@@ -1022,11 +1037,7 @@ fn narrower(
     const ROWS_EACH: f64 = 10.0;
     let seconds = recordings.iter().map(Recording::duration).sum::<f64>().max(1e-9);
     let rows = ROWS_EACH * parameters as f64;
-    // The lower the band, the longer the blocks that are left out, of which there are enough.
-    let folds = FOLDS as f64;
-    let blocks = if seconds < folds * LONGEST_BLOCK_S { 2.0 * BLOCKS * folds } else { 0.0 };
-    let lowest = (rows / ROWS_PER_CUTOFF).max(blocks) / seconds;
-    let lowest = lowest.clamp(LOWEST_HZ, BAND_HZ);
+    let lowest = (rows / (ROWS_PER_CUTOFF * seconds)).max(least).clamp(LOWEST_HZ, BAND_HZ);
     let band = quiet.iter().copied().fold(f64::INFINITY, f64::min).max(lowest);
     (processing.cutoff_hz > MUCH_WIDER * band).then_some(band)
 }
